@@ -160,9 +160,10 @@ pub fn refuses(fault: &Fault) -> Option<&'static str> {
         | DroneFault::Restart
         | DroneFault::Hang(_)
         | DroneFault::CrashActor(_) => None,
-        DroneFault::CrashAircraft | DroneFault::Drain(_) | DroneFault::LoseGps => {
-            Some("the vehicle simulated in a process can't fail")
-        }
+        DroneFault::CrashAircraft
+        | DroneFault::Drain(_)
+        | DroneFault::LoseGps
+        | DroneFault::Controller(_) => Some("the vehicle simulated in a process can't fail"),
         DroneFault::Replay | DroneFault::Forge => {
             Some("frames of a process can't be replayed or forged")
         }

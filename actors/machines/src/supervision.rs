@@ -1,4 +1,5 @@
-//! Decides when a failed actor is restarted: one for one, with back-off, up to a limit for each actor.
+//! Decides when a failed actor is restarted: one for one, with back-off, up to a limit for each actor. The link to the
+//! vehicle restarts without back-off: a flight controller waits 150 ms for RC frames.
 
 use std::collections::VecDeque;
 use std::time::Duration;

@@ -15,8 +15,9 @@ pub const TICK: Duration = Duration::from_millis(10);
 pub const RC_PERIOD: Duration = Duration::from_millis(20);
 /// How long sticks are repeated after they were last given. Then RC stops, and the controller's own failsafe acts.
 pub const RC_HOLD: Duration = Duration::from_millis(100);
-/// How long an answer may take before the question counts as lost.
-const ANSWER_MAX: Duration = Duration::from_millis(200);
+/// How long an answer may take before the question counts as lost and is asked again: ten ticks. Meanwhile nothing else is
+/// asked.
+const ANSWER_MAX: Duration = Duration::from_millis(100);
 
 /// A question that is asked again and again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -212,9 +213,7 @@ impl Schedule {
             }
             self.lost += 1;
             self.outstanding = None;
-            let query = outstanding.query;
-            self.queries
-                .push_back((now + query.every.unwrap_or_default(), query));
+            self.queries.push_back((now, outstanding.query));
         }
         let due = self.queries.iter().map(|(due, _)| *due).min()?;
         let place = self

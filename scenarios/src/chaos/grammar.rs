@@ -1,6 +1,6 @@
 //! Random fault plans.
 //!
-//! All kinds of faults are equally likely. A fault is injected at a time, at a waypoint or on a trigger. It on_drone the
+//! All kinds of faults that the vehicles can have are equally likely. A fault is injected at a time, at a waypoint or on a trigger. It on_drone the
 //! master, any drone, or several drones at once; once or repeatedly; for a limited time or for good. Link faults affect the
 //! links between two drones or between two groups of drones.
 
@@ -10,12 +10,13 @@ use std::time::Duration;
 use muster_machines::identity::NodeId;
 use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
+use muster_runtime::vehicle::VehicleKind;
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{Rng, RngExt};
 
 use crate::scenario::{
-    Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Scenario, Tampered, Target,
-    Trigger, When,
+    ControllerFault, Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Scenario,
+    Tampered, Target, Trigger, When,
 };
 
 /// A kind of fault: its name in scenario files, and a function that draws one.
@@ -37,6 +38,50 @@ const DELAY_MAX_MS: u64 = 100;
 const PPM_MAX: i32 = 5_000;
 /// Range of the share of frames that are lost or tampered with.
 const SHARE: (f64, f64) = (0.05, 1.0);
+
+/// Range of the share of bytes that are lost or altered.
+const BYTES: (f64, f64) = (0.001, 0.2);
+/// Range of the voltage that a battery loses: a pack of four cells has 16.8 V.
+const SAG_V: (f64, f64) = (0.1, 4.0);
+
+/// The kinds of faults that happen to a vehicle of this kind.
+fn kinds_for<R: Rng>(vehicle: VehicleKind) -> impl Iterator<Item = Kind<R>> {
+    let own = match vehicle {
+        VehicleKind::ClosedForm => Vec::new(),
+        VehicleKind::Msp => controller_kinds().to_vec(),
+    };
+    let common = kinds().into_iter();
+    let common = common.filter(move |(name, _)| vehicle != VehicleKind::Msp || *name != "drain");
+    common.chain(own)
+}
+
+/// Faults of flight controllers.
+fn controller_kinds<R: Rng>() -> [Kind<R>; 6] {
+    [
+        ("freeze-controller", |it| {
+            it.on_controller(ControllerFault::Freeze)
+        }),
+        ("close-port", |it| {
+            it.on_controller(ControllerFault::ClosePort)
+        }),
+        ("lose-bytes", |it| {
+            let share = it.thousandths(BYTES);
+            it.on_controller(ControllerFault::LoseBytes(share))
+        }),
+        ("corrupt-bytes", |it| {
+            let share = it.thousandths(BYTES);
+            it.on_controller(ControllerFault::CorruptBytes(share))
+        }),
+        ("delay-bytes", |it| {
+            let by = it.milliseconds(1..=DELAY_MAX_MS);
+            it.on_controller(ControllerFault::DelayBytes(by))
+        }),
+        ("sag-battery", |it| {
+            let volts = it.thousandths(SAG_V);
+            it.on_controller(ControllerFault::SagBattery(volts))
+        }),
+    ]
+}
 
 fn kinds<R: Rng>() -> [Kind<R>; 28] {
     [
@@ -112,9 +157,8 @@ fn kinds<R: Rng>() -> [Kind<R>; 28] {
 
 /// Names of all kinds of faults.
 pub(super) fn names() -> impl Iterator<Item = &'static str> {
-    kinds::<rand_chacha::ChaCha8Rng>()
-        .into_iter()
-        .map(|(name, _)| name)
+    let all = kinds::<rand_chacha::ChaCha8Rng>().into_iter();
+    all.chain(controller_kinds()).map(|(name, _)| name)
 }
 
 /// Draws one to `max` faults for a scenario. Times are whole milliseconds, so that files hold them exactly.
@@ -149,10 +193,8 @@ struct Generator<'a, R> {
 
 impl<R: Rng> Generator<'_, R> {
     fn fault(&mut self) -> Fault {
-        let (_, kind) = kinds()
-            .choose(self.rng)
-            .copied()
-            .expect("the list of kinds is not empty");
+        let kinds: Vec<Kind<R>> = kinds_for(self.scenario.plan.vehicle_kind).collect();
+        let (_, kind) = (kinds.choose(self.rng)).expect("the list of kinds is not empty");
         let kind = kind(self);
         let lasts = kind.can_end() && self.rng.random_ratio(4, 5);
         let lasts = lasts.then(|| self.duration());
@@ -202,6 +244,10 @@ impl<R: Rng> Generator<'_, R> {
             Target::Drone(self.node())
         };
         FaultKind::Drone(target, fault)
+    }
+
+    fn on_controller(&mut self, fault: ControllerFault) -> FaultKind {
+        self.on_drone(DroneFault::Controller(fault))
     }
 
     fn tampering(&mut self, how: Distortion) -> FaultKind {
@@ -262,6 +308,11 @@ impl<R: Rng> Generator<'_, R> {
         Duration::from_millis(self.rng.random_range(range))
     }
 
+    /// A number with three decimals.
+    fn thousandths(&mut self, (least, most): (f64, f64)) -> f64 {
+        (self.rng.random_range(least..=most) * 1_000.0).round() / 1_000.0
+    }
+
     /// A number with two decimals.
     fn hundredths(&mut self, least: f64, most: f64) -> f64 {
         (self.rng.random_range(least..=most) * 100.0).round() / 100.0
@@ -278,17 +329,17 @@ mod tests {
     use super::*;
     use crate::scenario::{self, written};
 
-    fn chaos() -> (std::path::PathBuf, Scenario) {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("chaos.toml");
+    fn search(name: &str) -> (std::path::PathBuf, Scenario) {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(name);
         let scenario = scenario::load(&path, &[]).unwrap();
         (path, scenario)
     }
 
     #[test]
     fn every_kind_is_drawn_with_its_name() {
-        let (_, scenario) = chaos();
+        let (_, scenario) = search("chaos.toml");
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        for (name, kind) in kinds() {
+        for (name, kind) in kinds().into_iter().chain(controller_kinds()) {
             let mut generator = Generator {
                 nodes: scenario.plan.nodes(),
                 scenario: &scenario,
@@ -300,7 +351,13 @@ mod tests {
 
     #[test]
     fn drawn_faults_survive_a_scenario_file() {
-        let (path, scenario) = chaos();
+        for name in ["chaos.toml", "chaos-controllers.toml"] {
+            survive_a_file(name);
+        }
+    }
+
+    fn survive_a_file(name: &str) {
+        let (path, scenario) = search(name);
         let text = std::fs::read_to_string(&path).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         for _ in 0..300 {

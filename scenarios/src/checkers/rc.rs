@@ -13,8 +13,9 @@ const GAP_MAX: Duration = Duration::from_millis(100);
 
 /// The gaps between a drone's RC frames.
 ///
-/// A gap counts while the controller is armed, without its failsafe, and the drone's process runs with a link that neither
-/// hangs nor has failed for good. Otherwise RC must stop.
+/// A port is open once the controller has said who it is. A gap counts while the controller is armed behind an open port, and
+/// the drone's process runs with a link that neither hangs nor has failed for good. Once the controller's failsafe flies, or it
+/// has told nothing for a second, RC must stop.
 #[derive(Debug, Default)]
 pub(crate) struct RcGaps {
     /// The newest frame, or when frames became due.

@@ -112,6 +112,25 @@ pub enum DroneFault {
     Forge,
     /// Its clock gains this many millionths from now on.
     Skew(i32),
+    /// Something goes wrong with its flight controller, or on the way to it.
+    Controller(ControllerFault),
+}
+
+/// A fault of a flight controller, or of the port or line to it. The last one of a kind counts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ControllerFault {
+    /// Its firmware hangs: no answer, motors as they were.
+    Freeze,
+    /// Its port is closed.
+    ClosePort,
+    /// This share of the bytes on the line is lost, both ways, 0 to 1.
+    LoseBytes(f64),
+    /// This share of the bytes on the line is altered, both ways, 0 to 1.
+    CorruptBytes(f64),
+    /// Bytes on the line arrive this much later, both ways.
+    DelayBytes(Duration),
+    /// The battery's voltage falls by this many volts.
+    SagBattery(f64),
 }
 
 /// Frames that are tampered with.
@@ -205,6 +224,20 @@ impl DroneFault {
             Self::Replay => FaultKindName::Replay,
             Self::Forge => FaultKindName::Forge,
             Self::Skew(_) => FaultKindName::Skew,
+            Self::Controller(fault) => fault.kind(),
+        }
+    }
+}
+
+impl ControllerFault {
+    const fn kind(&self) -> FaultKindName {
+        match self {
+            Self::Freeze => FaultKindName::FreezeController,
+            Self::ClosePort => FaultKindName::ClosePort,
+            Self::LoseBytes(_) => FaultKindName::LoseBytes,
+            Self::CorruptBytes(_) => FaultKindName::CorruptBytes,
+            Self::DelayBytes(_) => FaultKindName::DelayBytes,
+            Self::SagBattery(_) => FaultKindName::SagBattery,
         }
     }
 }

@@ -11,15 +11,18 @@ use muster_runtime::plan::raw::{
     self, DroneName, FaultKindName, Pair, ProtocolKind, Raw, Role, Sender, Whole,
 };
 use muster_runtime::schema::Located;
+use muster_runtime::vehicle::VehicleKind;
 
 use super::{
-    Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target, Trigger, When,
+    ControllerFault, Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target,
+    Trigger, When,
 };
 
 /// The fault plan of a scenario file.
 pub(super) fn faults(source: &Source, raw: &Raw, waypoints: usize) -> Result<Vec<Fault>, BadInput> {
     let reader = Reader {
         source,
+        vehicle: raw.vehicle.kind.into(),
         drones: raw.formation.drones.get_ref().0 + raw.relays.len() as u64,
         last_waypoint: match raw.protocol.kind {
             // A swarm that follows its master, or is on task, reaches waypoint 0 when it has taken off, and no other.
@@ -35,6 +38,7 @@ const CHECKED: &str = "the kind requires it";
 
 struct Reader<'a> {
     source: &'a Source,
+    vehicle: VehicleKind,
     /// Number of drones and relays.
     drones: u64,
     /// The last waypoint that drones reach.
@@ -45,6 +49,7 @@ impl Reader<'_> {
     fn fault(&self, fault: &Located<raw::Fault>) -> Result<Fault, BadInput> {
         let (span, fault) = (fault.span(), fault.get_ref());
         self.check_keys(fault)?;
+        self.check_vehicle(fault)?;
         let kind = self.kind(fault)?;
         let (times, every) = self.repetition(fault)?;
         let duration = fault.for_s.as_ref();
@@ -78,6 +83,23 @@ impl Reader<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Refuses a fault of what the scenario's vehicles do not have.
+    fn check_vehicle(&self, fault: &raw::Fault) -> Result<(), BadInput> {
+        let (kind, name) = (*fault.kind.get_ref(), fault.kind.get_ref().name());
+        let message = match self.vehicle {
+            VehicleKind::Msp if kind == FaultKindName::Drain => format!(
+                "a fault of kind `{name}` needs a vehicle without flight controller; with `vehicle.kind` = \"msp\", use \
+                 `sag-battery`"
+            ),
+            VehicleKind::Msp => return Ok(()),
+            _ if kind.is_of_controller() => {
+                format!("a fault of kind `{name}` needs `vehicle.kind` = \"msp\"")
+            }
+            _ => return Ok(()),
+        };
+        Err(self.source.error(fault.kind.span(), &message))
     }
 
     fn when(&self, span: Range<usize>, fault: &raw::Fault) -> Result<When, BadInput> {
@@ -141,6 +163,21 @@ impl Reader<'_> {
                 let ppm = fault.ppm.as_ref().expect(CHECKED).get_ref().0;
                 self.of_drone(fault, DroneFault::Skew(ppm))
             }
+            FaultKindName::FreezeController => self.of_controller(fault, ControllerFault::Freeze),
+            FaultKindName::ClosePort => self.of_controller(fault, ControllerFault::ClosePort),
+            FaultKindName::LoseBytes => {
+                self.of_controller(fault, ControllerFault::LoseBytes(fault.share.0))
+            }
+            FaultKindName::CorruptBytes => {
+                self.of_controller(fault, ControllerFault::CorruptBytes(fault.share.0))
+            }
+            FaultKindName::DelayBytes => {
+                self.of_controller(fault, ControllerFault::DelayBytes(by()))
+            }
+            FaultKindName::SagBattery => {
+                let volts = fault.volts.as_ref().expect(CHECKED).get_ref().0;
+                self.of_controller(fault, ControllerFault::SagBattery(volts))
+            }
             FaultKindName::Cut => self.of_links(fault, LinkFault::Cut),
             FaultKindName::OneWay => self.of_links(fault, LinkFault::OneWay),
             FaultKindName::Heal => self.of_links(fault, LinkFault::Healed),
@@ -169,6 +206,14 @@ impl Reader<'_> {
             DroneName::Number(id) => Target::Drone(self.drone(id, drone.span())?),
         };
         Ok(FaultKind::Drone(target, what))
+    }
+
+    fn of_controller(
+        &self,
+        fault: &raw::Fault,
+        what: ControllerFault,
+    ) -> Result<FaultKind, BadInput> {
+        self.of_drone(fault, DroneFault::Controller(what))
     }
 
     fn of_links(&self, fault: &raw::Fault, what: LinkFault) -> Result<FaultKind, BadInput> {

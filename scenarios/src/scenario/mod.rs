@@ -19,7 +19,8 @@ use muster_transport::sim;
 
 pub use self::preview::describe_holds;
 pub use fault::{
-    Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target, Trigger, When,
+    ControllerFault, Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target,
+    Trigger, When,
 };
 pub use load::{load, load_for, load_from};
 pub use muster_runtime::plan::file::Override;

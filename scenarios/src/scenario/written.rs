@@ -11,7 +11,8 @@ use toml_edit::{Array, ArrayOfTables, DocumentMut, Item, Table, Value, value};
 
 use super::shipped::{self, mission_path, scenario_file};
 use super::{
-    Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target, Trigger, When,
+    ControllerFault, Distortion, DroneFault, Fault, FaultKind, LinkFault, Links, Tampered, Target,
+    Trigger, When,
 };
 use muster_runtime::plan::file::{Override, Source};
 use muster_runtime::plan::mission_file;
@@ -110,6 +111,7 @@ fn insert_keys(kind: &FaultKind, table: &mut Table) {
                 }
                 DroneFault::Drain(charge) => drop(table.insert("charge", value(charge))),
                 DroneFault::Skew(ppm) => drop(table.insert("ppm", value(i64::from(ppm)))),
+                DroneFault::Controller(fault) => insert_controller_key(fault, table),
                 DroneFault::Kill
                 | DroneFault::CrashAircraft
                 | DroneFault::Restart
@@ -133,13 +135,28 @@ fn insert_keys(kind: &FaultKind, table: &mut Table) {
         FaultKind::Tamper(Tampered { from, share, how }) => {
             let from = from.map_or_else(|| Value::from("all"), number);
             table.insert("from", value(from));
-            if let Distortion::Delay(by) | Distortion::Reorder(by) = how {
-                let ms = i64::try_from(by.as_millis()).unwrap_or(i64::MAX);
-                table.insert("by_ms", value(ms));
+            if let Distortion::Delay(by) | Distortion::Reorder(by) = *how {
+                table.insert("by_ms", value(milliseconds(by)));
             }
             table.insert("share", value(*share));
         }
     }
+}
+
+fn insert_controller_key(fault: ControllerFault, table: &mut Table) {
+    let (key, own) = match fault {
+        ControllerFault::Freeze | ControllerFault::ClosePort => return,
+        ControllerFault::LoseBytes(share) | ControllerFault::CorruptBytes(share) => {
+            ("share", value(share))
+        }
+        ControllerFault::DelayBytes(by) => ("by_ms", value(milliseconds(by))),
+        ControllerFault::SagBattery(volts) => ("volts", value(volts)),
+    };
+    table.insert(key, own);
+}
+
+fn milliseconds(duration: Duration) -> i64 {
+    i64::try_from(duration.as_millis()).unwrap_or(i64::MAX)
 }
 
 fn target_value(target: Target) -> Value {

@@ -305,15 +305,19 @@ impl Airspace {
         }
     }
 
-    /// Ends all paths. Returns the vehicles, and how close two of them came in flight, in metres.
-    pub(super) fn finish(mut self, core: &mut Core) -> (Vec<Vehicle>, Option<f64>) {
+    /// Ends all paths. `is_stuck`: a controller that hangs can't disarm. Returns the vehicles, and how close two of them came in flight, in metres.
+    pub(super) fn finish(
+        mut self,
+        core: &mut Core,
+        is_stuck: impl Fn(NodeId) -> bool,
+    ) -> (Vec<Vehicle>, Option<f64>) {
         for id in (0..).map(NodeId).take(self.vehicles.len()) {
             self.end_path(core, id);
         }
         let armed = (0..)
             .map(NodeId)
             .zip(&self.vehicles)
-            .filter(|(_, vehicle)| vehicle.is_armed())
+            .filter(|(id, vehicle)| vehicle.is_armed() && !is_stuck(*id))
             .map(|(id, _)| id);
         core.checkers.landed(core.timeline.now(), armed);
         let closest_m = self.separation.and_then(|it| it.closest_m());

@@ -9,27 +9,43 @@ use muster_machines::time::Timestamp;
 use muster_msp::{Conversation, Decoder, SetRawRc, Write};
 use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
-use rand::Rng;
+use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::line::Line;
 use crate::checkers::RcGaps;
+use crate::scenario::ControllerFault;
 
 /// Capacity of a battery that is not to run empty, in mAh: the most that MSP can say.
 const CAPACITY_MAX_MAH: f64 = 60_000.0;
 /// Interval at which the world looks at an aircraft in flight: meanwhile it strays by centimetres from a constant velocity.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
+/// Time without an answer from an armed controller after which its link must stop RC, for the failsafe to act.
+const LOST_AFTER: Duration = Duration::from_secs(1);
+
 /// One drone's controller and its port.
 #[derive(Debug)]
 struct Attached {
     controller: Controller,
+    line: Line,
     conversation: Conversation,
     decoder: Decoder,
+    is_open: bool,
     is_identified: bool,
+    /// When the port can be opened again.
+    closed_until: Timestamp,
+    /// When the firmware goes on. `None` if it runs.
+    frozen_until: Option<Timestamp>,
+    /// When the battery's voltage is back. `None` if it is there.
+    sags_until: Option<Timestamp>,
+    /// The newest answer of an armed controller.
+    heard_at: Timestamp,
+    /// The drone's process must stop RC until the controller disarms: its failsafe flies, or no answer came for too long.
+    is_lost: bool,
     looked_at: Option<Timestamp>,
     was_armed: bool,
     gaps: RcGaps,
-    bytes: Vec<u8>,
 }
 
 /// What the port of a drone's process does in a tick.
@@ -48,8 +64,8 @@ pub(super) enum PortState {
 pub(super) struct Controllers(Vec<Option<Attached>>);
 
 impl Controllers {
-    /// The next drones are those of a plan. `rng` draws the seeds of their sensors.
-    pub(super) fn extend(&mut self, plan: &Plan, rng: &mut ChaCha8Rng) {
+    /// The next drones are those of a plan. `sensors` and `lines` draw the seeds of their sensors and of their lines' faults.
+    pub(super) fn extend(&mut self, plan: &Plan, sensors: &mut ChaCha8Rng, lines: &mut ChaCha8Rng) {
         for (place, id) in plan.start_positions().zip(0..) {
             let has_controller =
                 plan.vehicle_kind == VehicleKind::Msp && id < plan.layout.formation().drones();
@@ -61,14 +77,20 @@ impl Controllers {
                 let capacity_mah = (hover_a * endurance / 3.6).min(CAPACITY_MAX_MAH);
                 config.airframe.battery.capacity_mah = capacity_mah;
                 Attached {
-                    controller: Controller::new(config, rng.next_u64(), Timestamp::ZERO),
+                    controller: Controller::new(config, sensors.next_u64(), Timestamp::ZERO),
+                    line: Line::new(ChaCha8Rng::seed_from_u64(lines.next_u64())),
                     conversation: Conversation::default(),
                     decoder: Decoder::default(),
+                    is_open: true,
                     is_identified: false,
+                    closed_until: Timestamp::ZERO,
+                    frozen_until: None,
+                    sags_until: None,
+                    heard_at: Timestamp::ZERO,
+                    is_lost: false,
                     looked_at: None,
                     was_armed: false,
                     gaps: RcGaps::default(),
-                    bytes: Vec::new(),
                 }
             }));
         }
@@ -88,6 +110,18 @@ impl Controllers {
         self.0.get_mut(drone.0 as usize)?.as_mut()
     }
 
+    /// Whether a drone's controller is frozen.
+    pub(super) fn is_frozen(&self, drone: NodeId) -> bool {
+        let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
+        attached.is_some_and(|it| it.frozen_until.is_some())
+    }
+
+    /// Whether a drone hears nothing from its controller, which is frozen or behind a closed port.
+    pub(super) fn is_silent(&self, drone: NodeId) -> bool {
+        let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
+        attached.is_some_and(|it| it.frozen_until.is_some() || !it.is_open)
+    }
+
     /// A drone's link gives its newest RC frame; `None` stops RC.
     pub(super) fn set_rc(&mut self, now: Timestamp, drone: NodeId, rc: Option<SetRawRc>) {
         if let Some(attached) = self.get(drone) {
@@ -103,6 +137,7 @@ impl Controllers {
         if let Some(attached) = self.get(drone) {
             attached.conversation = Conversation::new(elapsed(now));
             attached.is_identified = false;
+            attached.heard_at = now;
         }
     }
 
@@ -120,6 +155,34 @@ impl Controllers {
         }
     }
 
+    /// Injects a fault of the plan, for so long or for good.
+    pub(super) fn affect(
+        &mut self,
+        now: Timestamp,
+        drone: NodeId,
+        fault: ControllerFault,
+        lasts: Option<Duration>,
+    ) {
+        let Some(attached) = self.get(drone) else {
+            return;
+        };
+        let until = now + lasts.unwrap_or(Duration::MAX);
+        match fault {
+            ControllerFault::Freeze => {
+                attached.controller.fault(now, Fault::Frozen(true));
+                attached.frozen_until = Some(until);
+            }
+            ControllerFault::ClosePort => attached.closed_until = until,
+            ControllerFault::LoseBytes(share) => attached.line.lose(share, until),
+            ControllerFault::CorruptBytes(share) => attached.line.corrupt(share, until),
+            ControllerFault::DelayBytes(by) => attached.line.delay(by, until),
+            ControllerFault::SagBattery(volts) => {
+                attached.controller.fault(now, Fault::Sag(volts));
+                attached.sags_until = Some(until);
+            }
+        }
+    }
+
     /// A tick of a drone's port: reads what has come, writes one command. `tell` takes what its link is told. Returns the state
     /// of the aircraft, if it is time to look at it, and until when it holds.
     pub(super) fn tick(
@@ -130,16 +193,26 @@ impl Controllers {
         mut tell: impl FnMut(PortEvent),
     ) -> Option<(Truth, Timestamp)> {
         let attached = self.get(drone)?;
-        let received = attached.controller.transmit(now);
+        attached.recover(now);
+        let sent = attached.controller.transmit(now);
+        let received = attached.line.carry_in(now, sent);
+        let mut written = Vec::new();
         if state != PortState::Still {
-            attached.read(now, &received, &mut tell);
-            attached.write(now);
+            attached.open_or_close(now, &mut tell);
+            if attached.is_open {
+                attached.read(now, &received, &mut tell);
+                attached.write(now, &mut written);
+            }
+        }
+        let arrived = attached.line.carry_out(now, written);
+        if !arrived.is_empty() {
+            attached.controller.receive(now, &arrived);
         }
         let truth = attached.controller.aircraft(now);
-        attached.gaps.look(
-            now,
-            truth.is_armed && !truth.is_failsafe && state == PortState::Runs,
-        );
+        attached.look_for_loss(now, &truth);
+        let is_open = attached.is_identified && state == PortState::Runs;
+        let rc_is_due = truth.is_armed && is_open && !attached.is_lost;
+        attached.gaps.look(now, rc_is_due);
         let is_due = attached
             .looked_at
             .is_none_or(|at| now.since(at) >= LOOK_EVERY);
@@ -160,10 +233,45 @@ impl Controllers {
 }
 
 impl Attached {
+    fn look_for_loss(&mut self, now: Timestamp, truth: &Truth) {
+        if !truth.is_armed {
+            self.heard_at = now;
+            self.is_lost = false;
+        }
+        self.is_lost |= truth.is_failsafe || now.since(self.heard_at) >= LOST_AFTER;
+    }
+
+    /// Ends the faults of the controller that are over.
+    fn recover(&mut self, now: Timestamp) {
+        if self.frozen_until.take_if(|until| *until <= now).is_some() {
+            self.controller.fault(now, Fault::Frozen(false));
+        }
+        if self.sags_until.take_if(|until| *until <= now).is_some() {
+            self.controller.fault(now, Fault::Sag(0.0));
+        }
+    }
+
+    /// Notices that the port is closed, or opens it again.
+    fn open_or_close(&mut self, now: Timestamp, tell: &mut impl FnMut(PortEvent)) {
+        let is_open = now >= self.closed_until;
+        if is_open == self.is_open {
+            return;
+        }
+        self.is_open = is_open;
+        self.is_identified = false;
+        self.conversation.reopen(elapsed(now));
+        if is_open {
+            self.decoder = Decoder::default();
+        } else {
+            tell(PortEvent::Closed);
+        }
+    }
+
     fn read(&mut self, now: Timestamp, received: &[u8], tell: &mut impl FnMut(PortEvent)) {
         let conversation = &mut self.conversation;
         self.decoder.read(received, |frame| {
             if let Some((_, Ok(Some(telemetry)))) = conversation.take(elapsed(now), &frame) {
+                self.heard_at = now;
                 tell(PortEvent::Told(telemetry));
             }
         });
@@ -175,17 +283,15 @@ impl Attached {
         }
     }
 
-    fn write(&mut self, now: Timestamp) {
+    fn write(&mut self, now: Timestamp, bytes: &mut Vec<u8>) {
         let Some(write) = self.conversation.tick(elapsed(now)) else {
             return;
         };
         if matches!(write, Write::Rc(_)) {
             self.gaps.sent(now);
         }
-        self.bytes.clear();
-        let written = write.encode(&mut self.bytes);
+        let written = write.encode(bytes);
         written.expect("all commands fit a frame of version 1");
-        self.controller.receive(now, &self.bytes);
     }
 }
 

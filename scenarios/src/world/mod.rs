@@ -19,6 +19,7 @@ mod faults;
 mod inbox;
 mod injection;
 mod leadership;
+mod line;
 mod links;
 mod message;
 mod mirror;
@@ -244,7 +245,8 @@ impl World {
         let mut found = controllers.rc_gaps();
         let found = found.find_map(|(drone, gaps)| gaps.check(core.timeline.now(), drone));
         core.checkers.report(found);
-        let (vehicles, closest_m) = self.scene.airspace.finish(core);
+        let (vehicles, closest_m) =
+            (self.scene.airspace).finish(core, |id| controllers.is_frozen(id));
         let ended = self.scene.core.now();
         let mut vehicles = vehicles.into_iter();
         let swarms = self.scene.core.swarms.finish().map(|(recorder, nodes)| {

@@ -53,7 +53,8 @@ impl Scene {
     /// Whether a drone will soon be told by its flight controller that it has landed.
     fn has_yet_to_learn(&self, drone: NodeId) -> bool {
         let state = self.core.swarms.of(drone).recorder.state(drone);
-        self.processes[drone].runs() && state == mission::State::Landing
+        let can_learn = self.processes[drone].runs() && !self.controllers.is_silent(drone);
+        can_learn && state == mission::State::Landing
     }
 
     /// Delivers a message: the task to step its actor. `None` if the actor is down, or hangs and receives it later.
@@ -374,6 +375,9 @@ impl Scene {
             }
             DroneFault::Replay => self.air.replay(core, drone),
             DroneFault::Forge => self.air.forge(core, drone),
+            DroneFault::Controller(fault) => {
+                (self.controllers).affect(core.now(), drone, fault, lasts);
+            }
             DroneFault::Skew(ppm) => {
                 self.processes.skew(core, drone, ppm);
                 if let Some(lasts) = lasts {

@@ -32,6 +32,7 @@ use crate::scenario::Scenario;
 /// Streams of the random generator that are drawn from the scenario's seed; those of drones follow.
 const MEDIUM_STREAM: u64 = 0;
 const FIRST_DRONE_STREAM: u64 = 1;
+const LINES_STREAM: u64 = u64::MAX - 2;
 const CONTROLLERS_STREAM: u64 = u64::MAX - 1;
 const FAULTS_STREAM: u64 = u64::MAX;
 
@@ -47,6 +48,7 @@ pub(super) fn scene(scenario: &Scenario) -> Scene {
     let (mut swarms, mut places, mut vehicles) = (Vec::new(), Vec::new(), Vec::new());
     let mut controllers = Controllers::default();
     let mut sensors = generator(CONTROLLERS_STREAM);
+    let mut lines = generator(LINES_STREAM);
     let mut nodes = 0;
     for (swarm, joins) in scenario.swarms() {
         let began = Swarm::new(swarm, nodes);
@@ -57,7 +59,7 @@ pub(super) fn scene(scenario: &Scenario) -> Scene {
                 .with_endurance(swarm.plan.endurance)
                 .with_home(joins.home)
         }));
-        controllers.extend(&swarm.plan, &mut sensors);
+        controllers.extend(&swarm.plan, &mut sensors, &mut lines);
         swarms.push(began);
         nodes += swarm.plan.nodes();
     }

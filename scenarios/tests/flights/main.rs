@@ -5,6 +5,7 @@
 mod any;
 mod avoid;
 mod changes;
+mod controllers;
 #[cfg(feature = "flaws")]
 mod defects;
 mod election;

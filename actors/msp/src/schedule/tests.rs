@@ -158,7 +158,7 @@ fn unanswered_questions_count_as_lost() {
     let mut line = Line::new();
     line.answers = false;
     line.run(101, false);
-    assert_eq!(line.schedule.lost(), 5);
+    assert_eq!(line.schedule.lost(), 10, "one each 100 ms");
     assert_eq!(line.schedule.answered(line.now, 9_999, false), None);
 }
 

@@ -7,7 +7,9 @@ use schemars::{JsonSchema, Schema};
 use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
-use super::{Length, Milliseconds, Offset, PartsPerMillion, Seconds, SecondsFrom0, Share, Whole};
+use super::{
+    Length, Milliseconds, Offset, PartsPerMillion, Seconds, SecondsFrom0, Share, Volts, Whole,
+};
 use crate::schema::{Located, Or};
 
 /// Faults; any number. Each has a `kind`, the keys of that kind, and one of `at_s`, `at_waypoint` and `when`.
@@ -60,11 +62,13 @@ pub struct Fault {
     pub radius_m: Option<Located<Length>>,
     /// The sender of the affected frames.
     pub from: Option<Located<Sender>>,
-    /// Share of the affected frames, drawn per receiver.
+    /// Share of the affected frames, drawn per receiver; of bytes on a line to a flight controller, drawn per byte.
     #[serde(default)]
     pub share: Or<Share, 1>,
-    /// Delay of the affected frames.
+    /// Delay of the affected frames or bytes.
     pub by_ms: Option<Located<Milliseconds>>,
+    /// Voltage that the battery loses.
+    pub volts: Option<Located<Volts>>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
@@ -94,6 +98,18 @@ pub enum FaultKindName {
     Forge,
     /// The drone's clock gains `ppm` millionths.
     Skew,
+    /// The flight controller's firmware hangs: no answer, motors as they were. Only with `vehicle.kind = "msp"`.
+    FreezeController,
+    /// The port to the flight controller is closed, and opened again after `for_s`. Only with `vehicle.kind = "msp"`.
+    ClosePort,
+    /// A share of the bytes on the line to the flight controller is lost, both ways. Only with `vehicle.kind = "msp"`.
+    LoseBytes,
+    /// A share of the bytes on the line to the flight controller is altered, both ways. Only with `vehicle.kind = "msp"`.
+    CorruptBytes,
+    /// Bytes on the line to the flight controller arrive `by_ms` later, both ways. Only with `vehicle.kind = "msp"`.
+    DelayBytes,
+    /// The battery's voltage falls by `volts`. Only with `vehicle.kind = "msp"`.
+    SagBattery,
     /// No frame gets through, either way.
     Cut,
     /// No frame gets through from the second drone or group to the first.
@@ -134,7 +150,7 @@ impl Keys {
 
 impl FaultKindName {
     /// All kinds, in the order of the reference.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 25] = [
         Self::CrashActor,
         Self::Hang,
         Self::Restart,
@@ -145,6 +161,12 @@ impl FaultKindName {
         Self::Replay,
         Self::Forge,
         Self::Skew,
+        Self::FreezeController,
+        Self::ClosePort,
+        Self::LoseBytes,
+        Self::CorruptBytes,
+        Self::DelayBytes,
+        Self::SagBattery,
         Self::Cut,
         Self::OneWay,
         Self::Heal,
@@ -162,7 +184,12 @@ impl FaultKindName {
         match self {
             Self::CrashActor => Keys::new(&["drone", "actor"], &[]),
             Self::Hang => Keys::new(&["drone"], &["actor", "for_s"]),
-            Self::Restart | Self::LoseGps => Keys::new(&["drone"], &["for_s"]),
+            Self::Restart | Self::LoseGps | Self::FreezeController | Self::ClosePort => {
+                Keys::new(&["drone"], &["for_s"])
+            }
+            Self::LoseBytes | Self::CorruptBytes => Keys::new(&["drone", "share"], &["for_s"]),
+            Self::DelayBytes => Keys::new(&["drone", "by_ms"], &["for_s"]),
+            Self::SagBattery => Keys::new(&["drone", "volts"], &["for_s"]),
             Self::Kill | Self::CrashAircraft | Self::Replay | Self::Forge => {
                 Keys::new(&["drone"], &[])
             }
@@ -175,6 +202,20 @@ impl FaultKindName {
             Self::Corrupt | Self::Duplicate => Keys::new(&["from"], &["share", "for_s"]),
             Self::Delay | Self::Reorder => Keys::new(&["from", "by_ms"], &["share", "for_s"]),
         }
+    }
+
+    /// Whether it happens to a flight controller, or to the port or line to it.
+    #[must_use]
+    pub const fn is_of_controller(self) -> bool {
+        matches!(
+            self,
+            Self::FreezeController
+                | Self::ClosePort
+                | Self::LoseBytes
+                | Self::CorruptBytes
+                | Self::DelayBytes
+                | Self::SagBattery
+        )
     }
 
     /// The name in a file.
@@ -191,6 +232,12 @@ impl FaultKindName {
             Self::Replay => "replay",
             Self::Forge => "forge",
             Self::Skew => "skew",
+            Self::FreezeController => "freeze-controller",
+            Self::ClosePort => "close-port",
+            Self::LoseBytes => "lose-bytes",
+            Self::CorruptBytes => "corrupt-bytes",
+            Self::DelayBytes => "delay-bytes",
+            Self::SagBattery => "sag-battery",
             Self::Cut => "cut",
             Self::OneWay => "one-way",
             Self::Heal => "heal",
@@ -206,7 +253,7 @@ impl FaultKindName {
 
 impl Fault {
     /// Every key that only some kinds take, with its place if the fault has it.
-    pub fn keys(&self) -> [(&'static str, Option<Range<usize>>); 13] {
+    pub fn keys(&self) -> [(&'static str, Option<Range<usize>>); 14] {
         fn span<T>(value: &Option<Located<T>>) -> Option<Range<usize>> {
             value.as_ref().map(|it| it.span())
         }
@@ -224,6 +271,7 @@ impl Fault {
             ("from", span(&self.from)),
             ("share", self.share.span()),
             ("by_ms", span(&self.by_ms)),
+            ("volts", span(&self.volts)),
         ]
     }
 }

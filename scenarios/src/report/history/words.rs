@@ -1,7 +1,7 @@
 use std::fmt::Write as _;
 use std::time::Duration;
 
-use crate::scenario::{DroneFault, Fault, FaultKind, LinkFault, Links};
+use crate::scenario::{ControllerFault, DroneFault, Fault, FaultKind, LinkFault, Links};
 use muster_runtime::text::figure;
 
 /// Ids as ranges: `0–2, 4`.
@@ -71,6 +71,17 @@ fn of_drone(fault: &DroneFault, kind: &FaultKind) -> String {
     match fault {
         DroneFault::Drain(charge) => format!("drain to {} %", figure(charge * 100.0, 0)),
         DroneFault::Skew(ppm) => format!("skew by {ppm} ppm"),
+        DroneFault::Controller(
+            ControllerFault::LoseBytes(share) | ControllerFault::CorruptBytes(share),
+        ) => {
+            format!("{}, {} %", kind.name(), figure(share * 100.0, 1))
+        }
+        DroneFault::Controller(ControllerFault::DelayBytes(by)) => {
+            format!("{} by {} ms", kind.name(), by.as_millis())
+        }
+        DroneFault::Controller(ControllerFault::SagBattery(volts)) => {
+            format!("{} by {} V", kind.name(), figure(*volts, 1))
+        }
         _ => kind.name(),
     }
 }

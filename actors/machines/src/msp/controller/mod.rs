@@ -38,6 +38,11 @@ const LIFTED_M: f64 = 0.5;
 const LIFTED_MPS: f64 = 0.3;
 /// Share of charge that is news.
 const CHARGE_STEP: f64 = 0.01;
+/// Time without an answer after which a link to an armed controller is lost. A controller that hears nothing for its failsafe
+/// delay, 1 s or more, comes down by itself.
+const LOST_AFTER: Duration = Duration::from_secs(1);
+/// A timer that is later than this was held up in this process: the controller's silence is not its fault.
+const LATE: Duration = Duration::from_millis(100);
 /// Value of the switch of the mode ANGLE: always on.
 const ANGLE: Channel = Channel::HIGH;
 /// `ARM_SWITCH` is the last of the reasons not to arm.
@@ -96,6 +101,10 @@ pub struct ControllerLink {
     still_since: Option<Timestamp>,
     /// The pilot took the aircraft over. It is not asked back.
     is_taken_over: bool,
+    /// When the link to an armed controller is lost if it tells nothing. `None` if the controller is disarmed.
+    silent_at: Option<Timestamp>,
+    /// The link was lost in flight, or the controller's failsafe took over. Its failsafe is not interrupted: no RC any more.
+    is_lost: bool,
     was_overridden: bool,
     last: Option<Telemetry>,
     deadline: Option<Timestamp>,
@@ -130,6 +139,8 @@ impl ControllerLink {
             has_lifted: before.is_some_and(|it| it.setpoint.is_some()),
             still_since: None,
             is_taken_over: false,
+            silent_at: has_flown.then_some(now + LOST_AFTER),
+            is_lost: false,
             was_overridden: false,
             last: None,
             deadline: None,
@@ -148,7 +159,7 @@ impl ControllerLink {
 
     /// Whether someone else flies: the controller's failsafe, or the pilot.
     fn is_out_of_hand(&self) -> bool {
-        self.is_taken_over || self.reported.is_some_and(|it| it.failsafe)
+        self.is_taken_over || self.is_lost
     }
 
     fn handle_command(&mut self, now: Timestamp, command: FlightCommand) {
@@ -195,11 +206,11 @@ impl ControllerLink {
                     self.close();
                 }
                 self.identity = Some(*identity);
-                self.deadline = Some(now);
             }
             PortEvent::Closed => self.close(),
             PortEvent::Told(told) => {
                 self.estimator.predict(now);
+                self.silent_at = self.silent_at.map(|_| now + LOST_AFTER);
                 match told {
                     Told::Status(status) => self.handle_status(now, &status),
                     Told::Attitude(attitude) => self.estimator.measure_attitude(&attitude),
@@ -213,10 +224,9 @@ impl ControllerLink {
         }
     }
 
-    /// Nothing is known of the controller any more, and nothing leaves until it is.
+    /// Nothing leaves until the controller has said who it is and how it is.
     fn close(&mut self) {
         self.identity = None;
-        self.reported = None;
         self.deadline = None;
         self.outbox.transmit(Transmit::Rc(None));
     }
@@ -233,8 +243,7 @@ impl ControllerLink {
             failsafe: is_active(Mode::Failsafe) == Some(true),
             overridden: is_active(Mode::MspOverride),
         };
-        let has_just_armed = reported.armed && !self.is_armed();
-        if has_just_armed && self.before.is_none_or(|it| !it.has_flown) {
+        if reported.armed && !self.arming.has_flown() {
             self.estimator.forget_height();
         }
         if self.config.receiver == Receiver::Override {
@@ -242,8 +251,19 @@ impl ControllerLink {
             self.is_taken_over |= self.was_overridden && !is_overridden && reported.armed;
             self.was_overridden = is_overridden;
         }
+        self.silent_at = reported.armed.then_some(now + LOST_AFTER);
+        self.is_lost = reported.armed && (self.is_lost || reported.failsafe);
         self.reported = Some(reported);
+        self.deadline.get_or_insert(now + PERIOD);
         self.step(now);
+    }
+
+    /// The controller has been silent for too long: its failsafe is to bring it down.
+    fn lose(&mut self, now: Timestamp) {
+        self.silent_at = None;
+        self.is_lost = true;
+        self.outbox.transmit(Transmit::Rc(None));
+        self.report_news(now);
     }
 
     /// Goes on with what was flown before a restart, once it is known where the vehicle is.
@@ -278,9 +298,8 @@ impl ControllerLink {
         let (had_flown, stage) = (self.arming.has_flown(), self.config.stage);
         self.arming.step(now, stage, self.is_simulation(), reported);
         let sticks = self.sticks(now, seconds);
-        let rc = self.gate(sticks);
         // Frames would end the controller's failsafe in mid-air.
-        let rc = (!reported.armed || !reported.failsafe).then_some(rc);
+        let rc = (!self.is_lost).then(|| self.gate(sticks));
         self.outbox.transmit(Transmit::Rc(rc));
         if had_flown != self.arming.has_flown() {
             self.keep();
@@ -355,7 +374,7 @@ impl ControllerLink {
             position: Ned::HOME,
             velocity: Velocity::ZERO,
         });
-        let armed = self.is_armed();
+        let armed = self.reported.map_or(self.is_lost, |it| it.armed);
         let landing = armed && (self.guidance.is_landing() || self.is_out_of_hand());
         Telemetry {
             position: estimate.position,
@@ -370,9 +389,11 @@ impl ControllerLink {
         }
     }
 
-    /// Whether there is something to report: the controller has said whether it is armed, and if it is, where it is.
+    /// Whether there is something to report: the controller has said whether it is armed, and if it is, where it is; or it is
+    /// silent.
     fn can_report(&self) -> bool {
-        self.reported.is_some() && (!self.is_armed() || self.estimator.estimate().is_some())
+        self.is_lost
+            || self.reported.is_some() && (!self.is_armed() || self.estimator.estimate().is_some())
     }
 
     fn report(&mut self, now: Timestamp) {
@@ -449,6 +470,11 @@ impl Machine for ControllerLink {
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
+        match self.silent_at {
+            Some(at) if now.since(at) > LATE => self.silent_at = Some(now + LOST_AFTER),
+            Some(at) if at <= now => self.lose(now),
+            _ => {}
+        }
         if self.deadline.is_some_and(|at| at <= now) {
             self.step(now);
             self.deadline = Some(now + PERIOD);
@@ -456,7 +482,8 @@ impl Machine for ControllerLink {
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        self.outbox.poll(self.deadline)
+        let deadlines = [self.deadline, self.silent_at];
+        self.outbox.poll(deadlines.into_iter().flatten().min())
     }
 }
 

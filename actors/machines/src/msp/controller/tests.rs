@@ -124,6 +124,15 @@ impl Bench {
         self.drain();
     }
 
+    /// So many milliseconds go by in steps of 10, without a word from the controller.
+    fn wait(&mut self, milliseconds: u64) {
+        for _ in 0..milliseconds / 10 {
+            self.now_ms += 10;
+            self.link.handle_timeout(at(self.now_ms));
+            self.drain();
+        }
+    }
+
     /// So many milliseconds go by in steps of 10, with fixes, and a status with these modes each 100 ms.
     fn pass(&mut self, milliseconds: u64, modes: u32) {
         for _ in 0..milliseconds / 10 {
@@ -270,6 +279,8 @@ fn failsafe_of_the_controller_counts_as_landing_and_is_not_ended_by_frames() {
     bench.give(Input::Port(status(ARM | FAILSAFE)));
     assert!(bench.telemetry.last().unwrap().landing);
     assert_eq!(bench.rc, None);
+    bench.pass(1_000, ARM);
+    assert_eq!(bench.rc, None, "its link is back, and it is left alone");
     bench.pass(1_000, 0);
     assert!(
         bench.rc.is_some() && !bench.is_arm_high(),
@@ -306,6 +317,55 @@ fn height_is_held_without_a_position() {
         (Channel::CENTRE, Channel::CENTRE)
     );
     assert!(restarted.link.guidance.target().is_some(), "it climbs on");
+}
+
+#[test]
+fn a_controller_that_is_silent_for_a_second_in_flight_is_left_to_its_failsafe() {
+    for closes in [false, true] {
+        let mut bench = Bench::flying(Receiver::Sole, ARM);
+        if closes {
+            bench.give(Input::Port(PortEvent::Closed));
+        }
+        bench.wait(950);
+        assert!(!bench.telemetry.last().unwrap().landing);
+        bench.wait(100);
+        let last = *bench.telemetry.last().unwrap();
+        assert!(last.armed && last.landing);
+        assert_eq!(bench.rc, None);
+        bench.give(Input::Port(identity(*b"SITL")));
+        bench.pass(1_000, ARM);
+        assert_eq!(bench.rc, None, "it is not taken back");
+        bench.pass(200, 0);
+        assert!(!bench.telemetry.last().unwrap().armed);
+    }
+}
+
+#[test]
+fn silence_while_the_link_itself_was_held_up_is_no_loss() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.now_ms += 2_000;
+    bench.pass(500, ARM);
+    assert!(bench.is_arm_high() && !bench.telemetry.last().unwrap().landing);
+}
+
+#[test]
+fn port_that_was_closed_for_a_moment_in_flight_changes_no_height_and_loses_no_order() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    let ground_m = bench.link.estimator.ground_m();
+    let high = Altitude {
+        altitude_cm: 30,
+        ..Altitude::default()
+    };
+    bench.give(Input::Port(PortEvent::Told(Told::Altitude(high))));
+    bench.give(Input::Port(PortEvent::Closed));
+    bench.give(Input::FlightCommand(FlightCommand::Land));
+    bench.wait(300);
+    bench.give(Input::Port(identity(*b"SITL")));
+    assert_eq!(bench.rc, None, "it asks first whether it is armed");
+    bench.give(Input::Port(status(ARM)));
+    assert!(bench.is_arm_high(), "the motors keep on turning");
+    assert!(bench.link.guidance.is_landing());
+    assert_eq!(bench.link.estimator.ground_m(), ground_m);
 }
 
 #[test]

@@ -1,0 +1,96 @@
+//! Flights with flight controllers under their faults: rules hold, both engines agree.
+
+use muster_scenarios::engine::Engine;
+use muster_scenarios::report::Report;
+
+use crate::support::{fly, scenario};
+
+const SEEDS: [&str; 3] = ["seed=1", "seed=2", "seed=3"];
+
+/// Three drones with flight controllers and these faults, on both engines.
+fn flown(seed: &str, faults: &str) -> Report {
+    let faults = format!("faults=[{faults}]");
+    let many = "limits.restarts_max=30";
+    let scenario = scenario("chaos-controllers.toml", &[seed, many, &faults]);
+    let events = fly(&scenario, Engine::Events);
+    let actors = fly(&scenario, Engine::Actors);
+    assert_eq!(events.trace, actors.trace, "the engines disagree");
+    assert_eq!(events.violations, [], "{faults}");
+    events
+}
+
+fn assert_completed(report: &Report, what: &str) {
+    assert!(report.mission_completed, "{what}");
+    for drone in &report.drones {
+        assert_eq!(drone.state, "finished", "{what}, drone {}", drone.id);
+        assert_eq!(drone.landed_because, None, "{what}, drone {}", drone.id);
+    }
+}
+
+/// Drone 1 comes down early; the others fly on to the end.
+fn assert_came_down(report: &Report, what: &str) {
+    for drone in &report.drones {
+        let because = drone.landed_because.is_some();
+        assert_eq!(because, drone.id == 1, "{what}, {drone:?}");
+        assert!(drone.id == 1 || drone.state == "finished", "{what}");
+    }
+}
+
+#[test]
+fn half_a_percent_of_altered_bytes_stops_nobody() {
+    for seed in SEEDS {
+        let noise = |drone| {
+            format!(r#"{{ at_s = 0, kind = "corrupt-bytes", drone = {drone}, share = 0.005 }}"#)
+        };
+        let report = flown(seed, &[0, 1, 2].map(noise).join(", "));
+        assert_completed(&report, seed);
+    }
+}
+
+#[test]
+fn a_tenth_of_altered_bytes_loses_the_link_and_the_failsafe_brings_the_drone_down() {
+    for seed in SEEDS {
+        let noise = r#"{ at_s = 30, kind = "corrupt-bytes", drone = 1, share = 0.1 }"#;
+        assert_came_down(&flown(seed, noise), seed);
+    }
+}
+
+#[test]
+fn a_port_that_is_closed_for_a_moment_stops_nobody() {
+    for seed in SEEDS {
+        let closed = r#"{ at_s = 30, kind = "close-port", drone = 1, for_s = 0.3 }"#;
+        assert_completed(&flown(seed, closed), seed);
+    }
+}
+
+#[test]
+fn a_drone_behind_a_closed_port_or_with_a_frozen_controller_comes_down_or_is_reported() {
+    for seed in SEEDS {
+        for fault in [
+            r#"kind = "close-port""#,
+            r#"kind = "close-port", for_s = 3"#,
+            r#"kind = "freeze-controller""#,
+            r#"kind = "freeze-controller", for_s = 3"#,
+            r#"kind = "lose-bytes", share = 1.0"#,
+        ] {
+            let fault = format!("{{ at_s = 30, drone = 1, {fault} }}");
+            assert_came_down(&flown(seed, &fault), &fault);
+        }
+    }
+}
+
+#[test]
+fn rc_has_no_gap_when_each_actor_crashes_every_three_seconds() {
+    for actor in ["radio", "routing", "mission", "navigation", "msp"] {
+        let crash = format!(
+            r#"{{ at_s = 12, kind = "crash-actor", drone = 1, actor = "{actor}", times = 20, every_s = 3 }}"#
+        );
+        flown("seed=1", &crash);
+    }
+}
+
+#[test]
+fn a_sagging_battery_brings_its_drone_down() {
+    let sag = r#"{ at_s = 30, kind = "sag-battery", drone = 1, volts = 3 }"#;
+    assert_came_down(&flown("seed=1", sag), sag);
+}
