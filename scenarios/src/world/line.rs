@@ -164,8 +164,8 @@ mod tests {
     fn late_bytes_keep_their_order_when_the_delay_ends() {
         let mut line = line();
         line.delay(Duration::from_millis(30), at(15));
-        assert_eq!(line.carry_out(at(10), vec![1]), []);
-        assert_eq!(line.carry_out(at(20), vec![2]), []);
+        assert!(line.carry_out(at(10), vec![1]).is_empty());
+        assert!(line.carry_out(at(20), vec![2]).is_empty());
         assert_eq!(line.carry_out(at(40), vec![3]), [1, 2, 3]);
         assert_eq!(line.carry_out(at(50), vec![4]), [4]);
     }
