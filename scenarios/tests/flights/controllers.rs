@@ -37,13 +37,13 @@ fn assert_came_down(report: &Report, what: &str) {
 }
 
 #[test]
-fn half_a_percent_of_altered_bytes_stops_nobody() {
+fn half_a_percent_of_altered_bytes_breaks_no_rule() {
     for seed in SEEDS {
         let noise = |drone| {
             format!(r#"{{ at_s = 0, kind = "corrupt-bytes", drone = {drone}, share = 0.005 }}"#)
         };
         let report = flown(seed, &[0, 1, 2].map(noise).join(", "));
-        assert_completed(&report, seed);
+        assert!(report.mission_completed, "{seed}");
     }
 }
 
