@@ -20,7 +20,7 @@ use super::file::Source;
 use super::follow::{Heights, follow};
 use super::layering::{Headroom, assign_layers};
 use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
-use super::raw::{self, PolicyName, ProtocolKind, Raw};
+use super::raw::{self, PolicyName, ProtocolKind, Raw, VehicleKindName};
 use super::separation::check_separation;
 use super::{Plan, Protocol};
 use crate::agents::Agents;
@@ -80,9 +80,10 @@ pub fn build_plan(
     let mut vehicle = vehicle(raw, failsafe(source, raw, fence)?);
     let landing = landing(raw, &vehicle);
     let avoids = raw.safety.avoid || agent.is_some();
-    vehicle.avoid = avoids.then(|| avoid(raw, separation, landing, &protocol));
+    let planned = planned_separation(raw);
+    vehicle.avoid = avoids.then(|| avoid(raw, planned, landing, &protocol));
 
-    let headroom = Headroom::new(raw, separation, &waypoints, ceiling_m);
+    let headroom = Headroom::new(raw, planned, &waypoints, ceiling_m);
     let (layout, changes) = assign_layers((source, raw), &waypoints, &headroom, &vehicle)?;
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
     let heights = Heights {
@@ -138,6 +139,26 @@ fn separation(raw: &Raw) -> Separation {
     Separation {
         horizontal_m: raw.limits.separation_horizontal_m.0,
         vertical_m: raw.limits.separation_vertical_m.0,
+    }
+}
+
+/// How far an aircraft that is flown by sticks strays from its path, each way, in metres: errors of its position and of its
+/// control. Two aircraft may stray towards each other.
+const STRAYS_M: f64 = 0.75;
+
+/// The separation that paths are planned with.
+fn planned_separation(raw: &Raw) -> Separation {
+    let strays_m = match raw.vehicle.kind {
+        VehicleKindName::ClosedForm => 0.0,
+        VehicleKindName::Msp => 2.0 * STRAYS_M,
+    };
+    let Separation {
+        horizontal_m,
+        vertical_m,
+    } = separation(raw);
+    Separation {
+        horizontal_m: horizontal_m + strays_m,
+        vertical_m: vertical_m + strays_m,
     }
 }
 
