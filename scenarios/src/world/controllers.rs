@@ -70,7 +70,7 @@ impl Controllers {
             let has_controller =
                 plan.vehicle_kind == VehicleKind::Msp && id < plan.layout.formation().drones();
             self.0.push(has_controller.then(|| {
-                let mut config = Config::new(plan.home, Settings::sole());
+                let mut config = Config::new(plan.home, Settings::fit());
                 config.place = place;
                 let hover_a = config.airframe.hover_a();
                 let endurance = plan.endurance.map_or(f64::INFINITY, |it| it.as_secs_f64());
