@@ -142,23 +142,22 @@ fn separation(raw: &Raw) -> Separation {
     }
 }
 
-/// How far an aircraft that is flown by sticks strays from its path, each way, in metres: errors of its position and of its
-/// control. Two aircraft may stray towards each other.
-const STRAYS_M: f64 = 0.75;
+/// How far an aircraft that is flown by sticks strays from its path, in metres: two standard deviations of its GPS or its
+/// barometer (1.3 and 0.4 m), less what is common. Two aircraft may stray towards each other.
+const STRAYS: Separation = Separation {
+    horizontal_m: 2.5,
+    vertical_m: 0.75,
+};
 
 /// The separation that paths are planned with.
 fn planned_separation(raw: &Raw) -> Separation {
-    let strays_m = match raw.vehicle.kind {
-        VehicleKindName::ClosedForm => 0.0,
-        VehicleKindName::Msp => 2.0 * STRAYS_M,
-    };
-    let Separation {
-        horizontal_m,
-        vertical_m,
-    } = separation(raw);
-    Separation {
-        horizontal_m: horizontal_m + strays_m,
-        vertical_m: vertical_m + strays_m,
+    let separation = separation(raw);
+    match raw.vehicle.kind {
+        VehicleKindName::ClosedForm => separation,
+        VehicleKindName::Msp => Separation {
+            horizontal_m: separation.horizontal_m + 2.0 * STRAYS.horizontal_m,
+            vertical_m: separation.vertical_m + 2.0 * STRAYS.vertical_m,
+        },
     }
 }
 
