@@ -16,11 +16,7 @@ fn errors_in_a_drone_file_show_what_is_accepted() {
         ),
         ("\"sim\"", "\"flight\"", "`stage` needs \"sim\""),
         ("\"sim\"", "\"high\"", "`stage` takes \"sim\""),
-        (
-            "\"closed-form\"",
-            "\"msp\"",
-            "no link to a flight controller yet",
-        ),
+        ("\"closed-form\"", "\"msp\"", "needs `port`"),
         ("\"udp\"", "\"quic\"", "needs a table `[quic]`"),
         (
             "\"udp\"",
