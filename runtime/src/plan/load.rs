@@ -142,10 +142,11 @@ fn separation(raw: &Raw) -> Separation {
     }
 }
 
-/// How far an aircraft that is flown by sticks strays from its path, in metres: two standard deviations of its GPS or its
-/// barometer (1.3 and 0.4 m), less what is common. Two aircraft may stray towards each other.
+/// How far an aircraft that is flown by sticks strays from its path, in metres: one and a half and two standard deviations of
+/// its GPS and its barometer (1.3 and 0.4 m), as far as the default gap on the ground has room. Two may stray towards each
+/// other.
 const STRAYS: Separation = Separation {
-    horizontal_m: 2.5,
+    horizontal_m: 2.0,
     vertical_m: 0.75,
 };
 

@@ -164,7 +164,7 @@ impl Traffic {
 
     /// Drones too near the remaining path, or on a path that comes too near it.
     ///
-    /// Excludes drones on parallel paths, which keep their distance, unless they may come down. Excludes drones too near the start, because
+    /// Excludes drones on parallel paths, which keep their distance. Excludes drones too near the start, because
     /// waiting there does not help. A drone that flies past is excluded only if it is too near despite rounding.
     fn blocking(
         &self,
@@ -178,11 +178,12 @@ impl Traffic {
         };
         self.occupied(now, remaining.from)
             .filter(move |(id, space)| {
-                let is_parallel = space.precedence == Precedence::Leg && {
+                let may_fly = space.precedence == Precedence::Leg || space.may_descend;
+                let is_parallel = may_fly && {
                     let other = self.others[id].0.path();
                     let difference_m =
                         ((whole.to - whole.from).0 - (other.to - other.from).0).norm();
-                    difference_m < PARALLEL_M
+                    difference_m < PARALLEL_M && Precedence::of(other) == Precedence::Leg
                 };
                 let is_in_lockstep = self.in_lockstep && self.others[id].0.is_following();
                 let is_near_here = match space.precedence {
