@@ -78,7 +78,7 @@ pub struct Flight {
 
 /// A link to a flight controller that takes sticks.
 ///
-/// Invariant: what leaves it passes [`ControllerLink::gate`]: no value above its stage.
+/// Invariant: what leaves it passes one gate: no value above its stage.
 #[derive(Debug)]
 pub struct ControllerLink {
     config: Config,
