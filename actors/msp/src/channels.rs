@@ -1,6 +1,8 @@
 //! RC channels and motor outputs. Two orders, two types: what is sent ([`SetRawRc`]) is in the receiver's order, what is
 //! reported ([`Rc`]) in the controller's.
 
+use std::ops::RangeInclusive;
+
 use crate::field::{Field, Payload, Reader};
 use crate::message::{Decode, DecodeError, Encode, Message};
 
@@ -25,6 +27,17 @@ pub struct OutOfRange {
     pub most_us: u16,
 }
 
+fn within(us: u16, accepted: RangeInclusive<u16>) -> Result<u16, OutOfRange> {
+    if accepted.contains(&us) {
+        return Ok(us);
+    }
+    Err(OutOfRange {
+        found_us: us,
+        least_us: *accepted.start(),
+        most_us: *accepted.end(),
+    })
+}
+
 impl Channel {
     /// 885 µs.
     pub const MIN: Self = Self(885);
@@ -42,15 +55,7 @@ impl Channel {
     /// # Errors
     /// If that is not within 885 to 2115 µs.
     pub fn new(us: u16) -> Result<Self, OutOfRange> {
-        let (least_us, most_us) = (Self::MIN.0, Self::MAX.0);
-        if (least_us..=most_us).contains(&us) {
-            return Ok(Self(us));
-        }
-        Err(OutOfRange {
-            found_us: us,
-            least_us,
-            most_us,
-        })
+        within(us, Self::MIN.0..=Self::MAX.0).map(Self)
     }
 
     /// Pulse width, in µs.
@@ -254,15 +259,7 @@ impl MotorOutput {
     /// # Errors
     /// If that is not within 1000 to 2000 µs.
     pub fn new(us: u16) -> Result<Self, OutOfRange> {
-        let (least_us, most_us) = (Self::STOPPED.0, Self::FULL.0);
-        if (least_us..=most_us).contains(&us) {
-            return Ok(Self(us));
-        }
-        Err(OutOfRange {
-            found_us: us,
-            least_us,
-            most_us,
-        })
+        within(us, Self::STOPPED.0..=Self::FULL.0).map(Self)
     }
 
     /// Pulse width, in µs.

@@ -115,7 +115,8 @@ pub enum EncodeError {
 /// Appends a frame to `out`.
 ///
 /// # Errors
-/// If the payload is longer than [`PAYLOAD_MAX`], or [`REQUEST_MAX`] to a controller, or v1 can't carry the command or the flag. `out` is unchanged.
+/// If the payload is longer than [`PAYLOAD_MAX`], or [`REQUEST_MAX`] to a controller, or v1 can't carry the command or the
+/// flag. `out` is unchanged.
 pub fn encode(frame: &Frame<'_>, out: &mut Vec<u8>) -> Result<(), EncodeError> {
     let found = frame.payload.len();
     let most = match frame.direction {

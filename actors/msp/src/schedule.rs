@@ -4,9 +4,8 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use crate::{
-    Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Direction,
-    EncodeError, FcVariant, FcVersion, Frame, Message, RawGps, Rc, SetRawRc, Sonar, Status,
-    Version, encode, order,
+    Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Direction, FcVariant,
+    FcVersion, Frame, Message, RawGps, Rc, SetRawRc, Sonar, Status, Version, encode, order,
 };
 
 /// A controller reads about one command in this time (`serial_update_rate_hz`, 100 by default).
@@ -28,6 +27,18 @@ pub struct Query {
     pub page: Option<u8>,
     /// From one question to the next; `None`: until it is answered once.
     pub every: Option<Duration>,
+}
+
+impl Query {
+    fn frame(&self) -> Frame<'_> {
+        Frame {
+            version: Version::V1,
+            direction: Direction::Request,
+            command: self.command,
+            flag: 0,
+            payload: self.page.as_slice(),
+        }
+    }
 }
 
 const fn once<M: Message>() -> Query {
@@ -80,23 +91,12 @@ pub enum Write {
 
 impl Write {
     /// Appends the frame to `out`.
-    ///
-    /// # Errors
-    /// None: all commands fit v1.
-    pub fn encode(&self, out: &mut Vec<u8>) -> Result<(), EncodeError> {
-        match self {
+    pub fn encode(&self, out: &mut Vec<u8>) {
+        let encoded = match self {
             Self::Rc(channels) => order(Version::V1, channels, out),
-            Self::Request(query) => {
-                let frame = Frame {
-                    version: Version::V1,
-                    direction: Direction::Request,
-                    command: query.command,
-                    flag: 0,
-                    payload: query.page.as_slice(),
-                };
-                encode(&frame, out)
-            }
-        }
+            Self::Request(query) => encode(&query.frame(), out),
+        };
+        encoded.expect("all commands fit a frame of version 1");
     }
 }
 

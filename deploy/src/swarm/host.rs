@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
+use muster_daemon::launcher::protocol::Order;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use tokio::sync::mpsc::{self, UnboundedSender};
@@ -18,7 +19,6 @@ use super::link::Link;
 use super::offset::add_nanos;
 use super::process::HostEvent;
 use super::{Request, SwarmError};
-use muster_daemon::launcher::protocol::Order;
 
 /// Most orders that queue for a slow connection. Further orders are dropped.
 const QUEUED_ORDERS_MAX: usize = 4_096;

@@ -9,6 +9,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
+use muster_daemon::clock::Clock;
+use muster_daemon::launcher::SILENCE_MAX;
+use muster_daemon::launcher::protocol::{Order, Reply, VERSION, line};
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader, Lines};
@@ -22,9 +25,6 @@ use super::offset::Offset;
 use super::output::{ProcessOutput, parse};
 use super::process::HostEvent;
 use super::{START_MAX, SwarmError};
-use muster_daemon::clock::Clock;
-use muster_daemon::launcher::SILENCE_MAX;
-use muster_daemon::launcher::protocol::{Order, Reply, VERSION, line};
 
 /// Period of the pings, which measure the host's clock.
 const PING_PERIOD: Duration = Duration::from_secs(1);

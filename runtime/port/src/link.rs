@@ -182,10 +182,8 @@ fn write_on_time(shared: &Shared) {
         let write = shared.inbox().tick(shared.now());
         if let Some((wire, write)) = write {
             bytes.clear();
-            let written = write
-                .encode(&mut bytes)
-                .map_err(io::Error::other)
-                .and_then(|()| wire.write(&bytes));
+            write.encode(&mut bytes);
+            let written = wire.write(&bytes);
             let mut inbox = shared.inbox();
             match written {
                 Ok(()) => inbox.written(shared.now(), &write),

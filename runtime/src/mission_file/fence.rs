@@ -2,6 +2,7 @@
 //!
 //! Source: *Plan File Format*, QGroundControl developer guide: `geoFence`, version 2.
 
+use muster_machines::geodetic::{Geodetic, HOME_DISTANCE_MAX_M, local_ned};
 use muster_machines::geometry::Ned;
 use muster_machines::navigation::{Area, Polygon, PolygonError, Zone};
 
@@ -11,7 +12,6 @@ use super::json::{Node, Object};
 use super::qgc_plan::{check_version, exactly};
 use super::{FENCE_CORNERS_MAX, FENCE_ZONES_MAX, FenceZone, Note, NoteKind};
 use crate::diagnostic::BadInput;
-use muster_machines::geodetic::{Geodetic, HOME_DISTANCE_MAX_M, local_ned};
 
 /// Since QGroundControl 3.4. Circles and polygons, each an inclusion or exclusion zone.
 const FENCE_VERSION: u16 = 2;

@@ -1,5 +1,6 @@
 //! Determines a mission's home.
 
+use muster_machines::geodetic::{Geodetic, local_ned};
 use muster_machines::geometry::Ned;
 
 use super::command::{Handling, Manoeuvre, handling};
@@ -7,7 +8,6 @@ use super::document::Document;
 use super::item::{Home, Item, ParsedMission, Position};
 use super::{Note, NoteKind};
 use crate::diagnostic::BadInput;
-use muster_machines::geodetic::{Geodetic, local_ned};
 
 const NO_HOME: &str = "the file has no home and no place that could be home";
 const SET_HOME: &str =

@@ -1,11 +1,12 @@
 //! Mission items, common to all formats.
 
+use muster_machines::geodetic::{Geodetic, GeodeticError};
+
 use super::Note;
 use super::command::{Handling, Manoeuvre, handling};
 use super::document::{Document, Parsed};
 use super::fence::ParsedZone;
 use crate::diagnostic::BadInput;
-use muster_machines::geodetic::{Geodetic, GeodeticError};
 
 /// A mission as read from its file, before the route is built.
 #[derive(Debug)]

@@ -19,13 +19,13 @@ mod waypoints;
 use std::fmt;
 use std::path::Path;
 
+use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::Ned;
 use muster_machines::mission::Holds;
 use muster_machines::navigation::Zone;
 
 use crate::diagnostic::{BadInput, read_text};
 use document::Document;
-use muster_machines::geodetic::Geodetic;
 
 /// The most points of a route, including the one above home.
 pub const WAYPOINTS_MAX: usize = 1_000;

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use muster_machines::geodetic::{Geodetic, local_ned, whole_millimetres};
 use muster_machines::geometry::Ned;
 use muster_machines::mission::Holds;
 
@@ -13,7 +14,6 @@ use super::item::{Item, ParsedMission, ZeroHeight};
 use super::jumps::Jumps;
 use super::{HEIGHT_MAX_M, Mission, NAV_WAYPOINTS_MIN, Note, NoteKind, WAYPOINTS_MAX};
 use crate::diagnostic::BadInput;
-use muster_machines::geodetic::{Geodetic, local_ned, whole_millimetres};
 
 const ACCEPTED_COMMANDS: &str = "NAV_TAKEOFF (22), NAV_WAYPOINT (16), NAV_LAND (21), NAV_RETURN_TO_LAUNCH (20) and similar \
                                  commands are accepted: replace the item by waypoints, or remove it";

@@ -1,19 +1,20 @@
 use std::time::Duration;
 
-use crate::diagnostic::BadInput;
-use crate::mission_file;
 use muster_machines::formation::{Change, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Holds;
+use muster_machines::motion::Landing;
 use muster_machines::navigation;
 use muster_machines::supervision::RestartLimits;
+
+use crate::diagnostic::BadInput;
+use crate::mission_file;
 
 use super::Limits;
 use super::file::Source;
 use super::load::to_usize;
 use super::raw::{Raw, Seconds};
-use muster_machines::motion::Landing;
 
 /// The longest run: a week.
 pub(super) const DURATION_MAX: Duration = Duration::from_secs(604_800);

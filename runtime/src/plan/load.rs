@@ -8,6 +8,7 @@ use muster_machines::formation::{Change, FlightPlan, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Barrier, Holds};
+use muster_machines::motion::Landing;
 use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::traffic;
@@ -27,7 +28,6 @@ use crate::agents::Agents;
 use crate::diagnostic::BadInput;
 use crate::mission_file::{self, Mission};
 use crate::schema::Located;
-use muster_machines::motion::Landing;
 
 /// Reads the plan of a scenario and its mission; `read` returns a file's text. The fields of the scenario's world are parsed
 /// and ignored.

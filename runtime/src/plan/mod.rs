@@ -18,9 +18,13 @@ use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
 use muster_machines::formation::{Change, Layout, Separation};
+use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{Alone, Barrier, Conduct, Following, Holds, Liveness, Succession};
+use muster_machines::motion::Landing;
+use muster_machines::msp::ControllerLink;
+use muster_machines::msp::controller::{self, Receiver, Stage};
 use muster_machines::node::{Blueprint, LinkBuilder};
 use muster_machines::radio::{self, Budget, IdealAuthenticator, Incarnations};
 use muster_machines::routing::{flood, tree};
@@ -31,10 +35,6 @@ use crate::agents::PlannedAgent;
 use crate::schema::{FieldList, FileSchema};
 use crate::text::plural;
 use crate::vehicle::{SimulatedLink, SimulatedVehicle, Vehicle, VehicleKind};
-use muster_machines::geodetic::Geodetic;
-use muster_machines::motion::Landing;
-use muster_machines::msp::ControllerLink;
-use muster_machines::msp::controller::{self, Receiver, Stage};
 
 pub use self::fence::describe_fence;
 pub use self::load::{build_plan, load_with, mission_file, to_usize};

@@ -17,10 +17,9 @@ pub use link::SimulatedLink;
 pub use simulated::{SimulatedVehicle, VehicleState};
 
 /// What a drone flies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum VehicleKind {
     /// A [`Vehicle`].
-    #[default]
     ClosedForm,
     /// A flight controller over MSP.
     Msp,

@@ -77,7 +77,7 @@ const RANGEFINDER_COS_MIN: f64 = 0.906;
 /// Field of the Earth in Valencia, north and down, in gauss (World Magnetic Model 2025, rounded).
 const FIELD_GAUSS: [f64; 2] = [0.27, 0.37];
 
-/// Sensors that are looked at by the firmware and by whoever asks it.
+/// Sensors that the firmware reads for itself and for its answers.
 #[derive(Debug, Clone)]
 pub(crate) struct Sensors {
     noise: SensorNoise,

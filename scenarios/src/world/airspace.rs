@@ -305,7 +305,8 @@ impl Airspace {
         }
     }
 
-    /// Ends all paths. `is_stuck`: a controller that hangs can't disarm. Returns the vehicles, and how close two of them came in flight, in metres.
+    /// Ends all paths. `is_stuck`: a controller that hangs can't disarm. Returns the vehicles, and how close two of them came in
+    /// flight, in metres.
     pub(super) fn finish(
         mut self,
         core: &mut Core,

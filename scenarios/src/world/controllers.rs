@@ -5,6 +5,7 @@ use std::time::Duration;
 use muster_controller::{Config, Controller, Fault, Settings, Truth};
 use muster_machines::identity::NodeId;
 use muster_machines::msp::PortEvent;
+use muster_machines::msp::controller::LOST_AFTER;
 use muster_machines::time::Timestamp;
 use muster_msp::{Conversation, Decoder, SetRawRc, Write};
 use muster_runtime::plan::Plan;
@@ -20,9 +21,6 @@ use crate::scenario::ControllerFault;
 const CAPACITY_MAX_MAH: f64 = 60_000.0;
 /// Interval at which the world looks at an aircraft in flight: meanwhile it strays by centimetres from a constant velocity.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
-
-/// Time without an answer from an armed controller after which its link must stop RC, for the failsafe to act.
-const LOST_AFTER: Duration = Duration::from_secs(1);
 
 /// One drone's controller and its port.
 #[derive(Debug)]
@@ -290,8 +288,7 @@ impl Attached {
         if matches!(write, Write::Rc(_)) {
             self.gaps.sent(now);
         }
-        let written = write.encode(bytes);
-        written.expect("all commands fit a frame of version 1");
+        write.encode(bytes);
     }
 }
 

@@ -2,14 +2,11 @@
 
 use std::time::Duration;
 
-use serde::{Deserialize, Serialize};
-
 use crate::geodetic::Geodetic;
 use crate::motion::Landing;
 
 /// What a drone may do, lowest first. A drone does nothing above its stage.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
     /// Arms a simulated controller only.
     Sim,
@@ -18,8 +15,7 @@ pub enum Stage {
 }
 
 /// Who else commands the flight controller.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Receiver {
     /// Nobody: MSP is the only receiver (`feature RX_MSP`). For bench and simulation, since no pilot can take over.
     Sole,

@@ -40,7 +40,7 @@ const LIFTED_MPS: f64 = 0.3;
 const CHARGE_STEP: f64 = 0.01;
 /// Time without an answer after which a link to an armed controller is lost. A controller that hears nothing for its failsafe
 /// delay, 1 s or more, comes down by itself.
-const LOST_AFTER: Duration = Duration::from_secs(1);
+pub const LOST_AFTER: Duration = Duration::from_secs(1);
 /// A timer that is later than this was held up in this process: the controller's silence is not its fault.
 const LATE: Duration = Duration::from_millis(100);
 /// Value of the switch of the mode ANGLE: always on.
