@@ -10,7 +10,7 @@ use std::time::Duration;
 use muster_msp::SetRawRc;
 use serde::{Deserialize, Serialize};
 
-pub use self::controller::{ControllerLink, PortEvent};
+pub use self::controller::{ControllerLink, PortEvent, Pose};
 
 use crate::geometry::{Ned, Velocity};
 use crate::machine::Machine;

@@ -153,6 +153,32 @@ impl Configuration {
             override_settings: None,
         })
     }
+
+    /// All that it is set to, in one piece, to tell whether it has changed: each message's number, length and payload. Who it
+    /// is, and what only the command line tells, are left out.
+    #[must_use]
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        append(&self.features, &mut bytes);
+        append(&self.map, &mut bytes);
+        append(&self.receiver, &mut bytes);
+        append(&self.lost, &mut bytes);
+        append(&self.failsafe, &mut bytes);
+        append(&self.ranges, &mut bytes);
+        append(&self.arming, &mut bytes);
+        append(&self.battery, &mut bytes);
+        append(&self.serial, &mut bytes);
+        append(&self.motors, &mut bytes);
+        bytes
+    }
+}
+
+fn append<M: Encode>(message: &M, out: &mut Vec<u8>) {
+    let payload = Payload::of(message);
+    let payload = payload.bytes();
+    out.extend(M::COMMAND.to_le_bytes());
+    out.extend((payload.len() as u64).to_le_bytes());
+    out.extend(payload);
 }
 
 /// Settings of the mode MSP OVERRIDE. Up to Betaflight 4.6 no message has them, only the command line.

@@ -10,7 +10,7 @@ use muster_machines::identity::NodeId;
 use thiserror::Error;
 
 use super::key::{generate_key, key_exists, load_secret, write_public, write_secret};
-use super::{FleetKey, RevocationList, Roster};
+use super::{FleetKey, Grant, RevocationList, Roster};
 use crate::diagnostic::BadInput;
 use crate::file::replace;
 
@@ -123,6 +123,25 @@ impl Fleet {
         revoked.add(ids.iter().copied(), &self.key);
         self.write("revoked.toml", &revoked.to_toml())?;
         Ok(revoked)
+    }
+
+    /// Signs a grant. It replaces the drone's last one. Returns its path.
+    ///
+    /// # Errors
+    /// If its drone is not in the roster or revoked, or the folder's files can't be used or written.
+    pub fn grant(&self, grant: &Grant) -> Result<PathBuf, KeysError> {
+        let roster_path = self.folder.join("roster.toml");
+        let roster = Roster::load(&roster_path, &self.public())?;
+        let revoked = RevocationList::load(&self.folder.join("revoked.toml"), &self.public())?;
+        let id = grant.drone;
+        if roster.key(id).is_none() || revoked.has(id) {
+            let message = format!("drone {id} is not in the roster, or revoked");
+            let help = "only drones of the fleet are granted a stage";
+            return Err(BadInput::without_excerpt(&roster_path, message, help).into());
+        }
+        let name = format!("drone-{id}.grant");
+        self.write(&name, &grant.to_toml(&self.key))?;
+        Ok(self.folder.join(name))
     }
 
     #[cfg(test)]

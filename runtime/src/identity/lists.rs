@@ -263,7 +263,7 @@ impl RevocationList {
     }
 }
 
-const NEVER_FAILS: &str = "writing to a string can't fail";
+pub(super) const NEVER_FAILS: &str = "writing to a string can't fail";
 
 fn heading(title: &str, number: u64, fields: &str) -> String {
     format!(
@@ -271,13 +271,13 @@ fn heading(title: &str, number: u64, fields: &str) -> String {
     )
 }
 
-fn append_signature(text: &mut String, signature: &[u8; 64]) {
+pub(super) fn append_signature(text: &mut String, signature: &[u8; 64]) {
     let signature = hex(signature);
     writeln!(text, "signature = \"{signature}\"").expect(NEVER_FAILS);
 }
 
 /// The signature, verified with the fleet's key.
-fn verify<T>(
+pub(super) fn verify<T>(
     file: &TomlFile<T>,
     fleet: &FleetKey,
     message: &[u8],

@@ -12,15 +12,18 @@
 //! | `roster.toml` | each drone's public key, signed | each drone |
 //! | `revoked.toml` | the revocation list: a rising number and revoked drones, signed | each drone |
 //! | `drone-ID.key` | a drone's secret key | that drone only |
+//! | `drone-ID.grant` | what that drone may do above the stage `bench`, signed | that drone |
 
 mod authenticator;
 mod fleet;
+mod grant;
 mod key;
 mod lists;
 mod operator;
 
 pub use authenticator::{Ed25519Authenticator, IdentityMismatch};
 pub use fleet::{Fleet, KeysError};
+pub use grant::{CalendarTime, ControllerFacts, Grant, GrantRefusal, GrantedStage};
 pub use key::{DroneKey, FleetKey};
 pub use lists::{RevocationList, Roster};
 pub use operator::OperatorKey;

@@ -251,3 +251,121 @@ fn secret_key_given_as_public_file_is_refused_and_not_shown() {
         assert!(!shown.contains(&digits[..8]), "{shown}");
     }
 }
+
+mod grants {
+    use std::time::Duration;
+
+    use muster_msp::{Configuration, Uid};
+    use proptest::prelude::*;
+
+    use super::*;
+    use crate::identity::{CalendarTime, ControllerFacts, Grant, GrantRefusal, GrantedStage};
+
+    fn facts(seed: u32) -> ControllerFacts {
+        let uid = Uid { uid: [seed, 2, 3] };
+        ControllerFacts::new(&Configuration::default(), &uid)
+    }
+
+    fn at(text: &str) -> CalendarTime {
+        CalendarTime::read(text).unwrap()
+    }
+
+    fn grant() -> Grant {
+        let issued = at("2026-11-26T12:00:00Z");
+        Grant {
+            drone: NodeId(1),
+            stage: GrantedStage::Tethered,
+            controller: facts(7),
+            issued,
+            until: issued.after(Duration::from_secs(86_400)),
+        }
+    }
+
+    fn signed() -> (TempDir, Fleet, PathBuf) {
+        let (folder, fleet) = fleet();
+        let file = fleet.grant(&grant()).unwrap();
+        (folder, fleet, file)
+    }
+
+    #[test]
+    fn a_signed_grant_allows_its_stage_to_its_drone_until_its_end() {
+        let (folder, _, file) = signed();
+        let read = Grant::load(&file, &public(&folder)).unwrap();
+        assert_eq!(read, grant());
+        let (mine, tethered) = (NodeId(1), GrantedStage::Tethered);
+        let now = at("2026-11-26T13:00:00Z");
+        let allows = |drone, stage, found: &ControllerFacts, now| {
+            read.allows(drone, stage, found, now).err()
+        };
+        assert_eq!(allows(mine, tethered, &facts(7), now), None);
+        // A clock that is behind the signature can't prolong it.
+        let behind = at("1970-01-01T00:00:00Z");
+        assert_eq!(allows(mine, tethered, &facts(7), behind), None);
+        let other = allows(NodeId(2), tethered, &facts(7), now);
+        assert_eq!(other, Some(GrantRefusal::OtherDrone(mine)));
+        let skipped = allows(mine, GrantedStage::Flight, &facts(7), now);
+        assert_eq!(skipped, Some(GrantRefusal::LowerStage(tethered)));
+        let ended = allows(mine, tethered, &facts(7), at("2026-11-27T12:00:00Z"));
+        assert!(matches!(ended, Some(GrantRefusal::Ended { .. })));
+        let swapped = allows(mine, tethered, &facts(8), now);
+        assert!(matches!(
+            swapped,
+            Some(GrantRefusal::OtherController { .. })
+        ));
+        let newer = ControllerFacts {
+            firmware: "BTFL 4.7.0".to_owned(),
+            ..facts(7)
+        };
+        let newer = allows(mine, tethered, &newer, now);
+        assert!(matches!(newer, Some(GrantRefusal::OtherFirmware { .. })));
+        let mut changed = Configuration::default();
+        changed.failsafe.delay_ds = 200;
+        let changed = ControllerFacts::new(&changed, &Uid { uid: [7, 2, 3] });
+        let changed = allows(mine, tethered, &changed, now);
+        assert_eq!(changed, Some(GrantRefusal::OtherSettings));
+    }
+
+    #[test]
+    fn a_drone_outside_the_fleet_is_granted_nothing() {
+        let (_folder, fleet) = fleet();
+        fleet.revoke(&[NodeId(1)]).unwrap();
+        for id in [1, 9] {
+            let wanted = Grant {
+                drone: NodeId(id),
+                ..grant()
+            };
+            fleet.grant(&wanted).unwrap_err();
+        }
+    }
+
+    #[test]
+    fn a_grant_of_another_fleet_is_refused() {
+        let (_folder, _fleet, file) = signed();
+        let (other, _) = fleet();
+        Grant::load(&file, &public(&other)).unwrap_err();
+    }
+
+    proptest! {
+        #![proptest_config(ProptestConfig::with_cases(1_000))]
+
+        /// Any change of a byte leaves it as it was signed, or refused.
+        #[test]
+        fn an_altered_grant_is_refused(at in 0_usize..600, byte in 32_u8..127) {
+            thread_local! {
+                static SIGNED: (TempDir, Fleet, PathBuf) = signed();
+            }
+            SIGNED.with(|(folder, _, file)| {
+                let text = fs::read(file).unwrap();
+                let mut altered = text.clone();
+                let at = at % altered.len();
+                altered[at] = byte;
+                let other = folder.path().join("altered.grant");
+                fs::write(&other, &altered).unwrap();
+                if let Ok(read) = Grant::load(&other, &public(folder)) {
+                    prop_assert_eq!(read, grant());
+                }
+                Ok(())
+            })?;
+        }
+    }
+}

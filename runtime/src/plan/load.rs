@@ -23,11 +23,12 @@ use super::layering::{Headroom, assign_layers};
 use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
 use super::raw::{self, PolicyName, ProtocolKind, Raw, VehicleKindName};
 use super::separation::check_separation;
-use super::{Plan, Protocol};
+use super::{Plan, PoseSensor, Protocol};
 use crate::agents::Agents;
 use crate::diagnostic::BadInput;
 use crate::mission_file::{self, Mission};
 use crate::schema::Located;
+use crate::vehicle::VehicleKind;
 
 /// Reads the plan of a scenario and its mission; `read` returns a file's text. The fields of the scenario's world are parsed
 /// and ignored.
@@ -128,11 +129,28 @@ pub fn build_plan(
             .vehicle
             .endurance_s
             .map(|it| Duration::from_secs_f64(it.0)),
+        pose: pose(source, raw)?,
         alone: raw.failsafe.alone.into(),
         limits,
         fence,
         notes,
     })
+}
+
+fn pose(source: &Source, raw: &Raw) -> Result<Option<PoseSensor>, BadInput> {
+    let Some(pose) = &raw.vehicle.pose else {
+        return Ok(None);
+    };
+    if VehicleKind::from(raw.vehicle.kind) != VehicleKind::Msp {
+        let message = "only a `vehicle.kind = \"msp\"` has a pose sensor";
+        return Err(source.error(pose.span(), message));
+    }
+    let pose = pose.get_ref();
+    Ok(Some(PoseSensor {
+        sigma_m: pose.sigma_m.0,
+        period: Duration::from_millis(pose.period_ms.0),
+        delay: Duration::from_millis(pose.delay_ms.0),
+    }))
 }
 
 fn separation(raw: &Raw) -> Separation {
@@ -142,23 +160,36 @@ fn separation(raw: &Raw) -> Separation {
     }
 }
 
-/// How far an aircraft that is flown by sticks strays from its path, in metres: one and a half and two standard deviations of
-/// its GPS and its barometer (1.3 and 0.4 m), as far as the default gap on the ground has room. Two may stray towards each
-/// other.
-const STRAYS: Separation = Separation {
-    horizontal_m: 2.0,
-    vertical_m: 0.75,
-};
+/// How far an aircraft that is flown by sticks strays from its path, in metres. Two may stray towards each other.
+fn strays(raw: &Raw) -> Separation {
+    match (raw.vehicle.kind, &raw.vehicle.pose) {
+        (VehicleKindName::ClosedForm, _) => Separation {
+            horizontal_m: 0.0,
+            vertical_m: 0.0,
+        },
+        // One and a half and two standard deviations of its GPS and its barometer (1.3 and 0.4 m), as far as the default gap
+        // on the ground has room.
+        (VehicleKindName::Msp, None) => Separation {
+            horizontal_m: 2.0,
+            vertical_m: 0.75,
+        },
+        // What its control leaves, and three standard deviations of its pose.
+        (VehicleKindName::Msp, Some(pose)) => {
+            let strays_m = 0.5 + 3.0 * pose.get_ref().sigma_m.0;
+            Separation {
+                horizontal_m: strays_m,
+                vertical_m: strays_m,
+            }
+        }
+    }
+}
 
 /// The separation that paths are planned with.
 fn planned_separation(raw: &Raw) -> Separation {
-    let separation = separation(raw);
-    match raw.vehicle.kind {
-        VehicleKindName::ClosedForm => separation,
-        VehicleKindName::Msp => Separation {
-            horizontal_m: separation.horizontal_m + 2.0 * STRAYS.horizontal_m,
-            vertical_m: separation.vertical_m + 2.0 * STRAYS.vertical_m,
-        },
+    let (separation, strays) = (separation(raw), strays(raw));
+    Separation {
+        horizontal_m: separation.horizontal_m + 2.0 * strays.horizontal_m,
+        vertical_m: separation.vertical_m + 2.0 * strays.vertical_m,
     }
 }
 

@@ -24,7 +24,7 @@ use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{Alone, Barrier, Conduct, Following, Holds, Liveness, Succession};
 use muster_machines::motion::Landing;
 use muster_machines::msp::ControllerLink;
-use muster_machines::msp::controller::{self, Receiver, Stage};
+use muster_machines::msp::controller::{self, PlaceSensor, Receiver, Stage};
 use muster_machines::node::{Blueprint, LinkBuilder};
 use muster_machines::radio::{self, Budget, IdealAuthenticator, Incarnations};
 use muster_machines::routing::{flood, tree};
@@ -87,6 +87,8 @@ pub struct Plan {
     pub vehicle_kind: VehicleKind,
     /// How long a full battery lasts with armed motors. `None`: it does not drain by itself.
     pub endurance: Option<Duration>,
+    /// What measures where a vehicle with a flight controller is. `None`: GPS.
+    pub pose: Option<PoseSensor>,
     /// What a drone in the air does when it receives no other drone.
     pub alone: Alone,
     /// Limits of the flight.
@@ -95,6 +97,17 @@ pub struct Plan {
     pub fence: Vec<String>,
     /// What the swarm does not do of what the mission file asks for.
     pub notes: Vec<String>,
+}
+
+/// A sensor beside the flight controller that measures where the vehicle is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PoseSensor {
+    /// Standard deviation on each axis, in metres.
+    pub sigma_m: f64,
+    /// From one measurement to the next.
+    pub period: Duration,
+    /// From a measurement to its arrival.
+    pub delay: Duration,
 }
 
 impl Plan {
@@ -285,6 +298,7 @@ impl Plan {
             receiver,
             home: self.home,
             landing: self.landing,
+            place: self.pose.map_or(PlaceSensor::Gps, |_| PlaceSensor::Pose),
             noise: controller::Noise::GPS,
             gains: controller::Gains::QUADCOPTER,
         };

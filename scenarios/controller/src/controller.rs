@@ -23,7 +23,7 @@ use crate::telemetry::View;
 use crate::wind::{Gusts, Wind};
 
 /// Length of a step, in nanoseconds.
-const STEP_NANOS: u64 = 1_000_000;
+pub(crate) const STEP_NANOS: u64 = 1_000_000;
 
 /// A controller and its aircraft.
 #[derive(Debug, Clone)]
@@ -100,6 +100,25 @@ pub struct Truth {
     pub volts: f64,
     /// Current of the battery, in amperes.
     pub amps: f64,
+}
+
+impl Truth {
+    pub(crate) fn of(aircraft: &Aircraft, is_armed: bool, is_failsafe: bool) -> Self {
+        let (body, battery) = (&aircraft.body, &aircraft.battery);
+        Self {
+            position: Ned(body.position),
+            velocity: Velocity(body.velocity),
+            attitude: body.attitude,
+            rates_rad_s: body.rates,
+            rotors_rad_s: *aircraft.speeds(),
+            is_armed,
+            is_failsafe,
+            contact: aircraft.contact,
+            charge: battery.charge(),
+            volts: battery.volts(),
+            amps: battery.amps(),
+        }
+    }
 }
 
 /// A simulated flight controller with its aircraft.
@@ -210,20 +229,8 @@ impl Controller {
     #[must_use]
     pub fn aircraft(&mut self, now: Timestamp) -> Truth {
         self.advance(now);
-        let body = &self.aircraft.body;
-        Truth {
-            position: Ned(body.position),
-            velocity: Velocity(body.velocity),
-            attitude: body.attitude,
-            rates_rad_s: body.rates,
-            rotors_rad_s: *self.aircraft.speeds(),
-            is_armed: self.firmware.is_armed(),
-            is_failsafe: self.firmware.is_active(Mode::Failsafe),
-            contact: self.aircraft.contact,
-            charge: self.aircraft.battery.charge(),
-            volts: self.aircraft.battery.volts(),
-            amps: self.aircraft.battery.amps(),
-        }
+        let is_failsafe = self.firmware.is_active(Mode::Failsafe);
+        Truth::of(&self.aircraft, self.firmware.is_armed(), is_failsafe)
     }
 
     /// What the port dropped.

@@ -10,7 +10,9 @@ mod body;
 mod controller;
 mod firmware;
 mod ground;
+mod in_loop;
 mod noise;
+mod pose;
 mod sensors;
 mod serial;
 mod telemetry;
@@ -24,6 +26,8 @@ pub use firmware::settings::{
     Settings, Tuning, Version,
 };
 pub use ground::{Contact, Landing};
+pub use in_loop::{InLoop, MOTORS_BYTES, STATE_BYTES};
+pub use pose::{PoseErrors, PoseSensor};
 pub use sensors::SensorNoise;
 pub use serial::Dropped;
 pub use wind::Wind;

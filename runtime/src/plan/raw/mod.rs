@@ -415,6 +415,24 @@ pub struct Vehicle {
     /// How long a full battery lasts with the motors armed. An empty battery takes the drone down.
     #[schemars(extend("x-default" = "batteries do not drain"))]
     pub endurance_s: Option<Seconds>,
+    /// A sensor beside the flight controller measures where the vehicle is, as motion capture does. Without this table GPS
+    /// does. Only with `vehicle.kind = "msp"`.
+    pub pose: Option<Located<PoseSensor>>,
+}
+
+/// A pose sensor, by default as good as motion capture over a radio.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, expecting = "a table, `[vehicle.pose]`")]
+pub struct PoseSensor {
+    /// Standard deviation on each axis, in metres.
+    #[serde(default)]
+    pub sigma_m: Or<Sigma, 5, 100>,
+    /// From one measurement to the next.
+    #[serde(default)]
+    pub period_ms: Or<Whole<10, 1_000>, 100>,
+    /// From a measurement to its arrival.
+    #[serde(default)]
+    pub delay_ms: Or<Whole<0, 500>, 100>,
 }
 
 /// When a drone gives up its flight.

@@ -23,6 +23,15 @@ pub enum Receiver {
     Override,
 }
 
+/// What measures where the vehicle is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PlaceSensor {
+    /// The controller's GPS; its own height.
+    Gps,
+    /// A sensor beside the controller, whose poses the link is told. What GPS says is not used.
+    Pose,
+}
+
 /// Standard deviations and delays of a vehicle's sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
@@ -110,6 +119,8 @@ pub struct Config {
     pub home: Geodetic,
     /// How the drone comes down.
     pub landing: Landing,
+    /// What measures where the vehicle is.
+    pub place: PlaceSensor,
     /// Sensors.
     pub noise: Noise,
     /// Flight by sticks.

@@ -4,10 +4,12 @@
 //! while, the filter begins anew from the next one. Source of the filter: Bar-Shalom, Li, Kirubarajan, *Estimation with
 //! Applications to Tracking and Navigation*, sections 5.2 and 6.3 (white noise acceleration).
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use muster_msp::{Altitude, Attitude, RawGps};
 
+use super::Pose;
 use super::config::{Config, Noise};
 use crate::geodetic::{Geodetic, local_ned};
 use crate::geometry::{Ned, Velocity};
@@ -21,6 +23,14 @@ const GATE: f64 = 5.0;
 pub(super) const LOST_AFTER: Duration = Duration::from_millis(1_000);
 /// Fewest satellites of a usable fix: Betaflight's own `gps_rescue_min_sats`.
 const SATELLITES_MIN: u8 = 8;
+/// From one noted position to the next.
+const PAST_STEP: Duration = Duration::from_millis(10);
+/// Smallest standard deviation of a pose, in metres: what says less is wrong.
+const SIGMA_MIN_M: f64 = 0.001;
+/// Index of the height among the axes.
+const UP: usize = 2;
+/// Age of a measurement up to which it is compared with where the vehicle was; an older one is rejected.
+pub const AGE_MAX: Duration = Duration::from_millis(500);
 /// Longest prediction in one step, in seconds: beyond it the attitude is stale.
 const STEP_MAX_S: f64 = 0.5;
 
@@ -58,17 +68,23 @@ impl Axis {
 
     /// Takes in a measured position. Returns whether it was near enough.
     fn measure_position(&mut self, measured_m: f64, sigma_m: f64) -> bool {
+        let innovation_m = measured_m - self.position_m;
+        self.correct_position(innovation_m, sigma_m).is_some()
+    }
+
+    /// Corrects the position by what a measurement differs from the prediction. Returns by how much; `None` if the
+    /// measurement is too far away.
+    fn correct_position(&mut self, innovation_m: f64, sigma_m: f64) -> Option<f64> {
         let [pp, pv, vv] = self.covariance;
         let variance = pp + sigma_m * sigma_m;
-        let innovation = measured_m - self.position_m;
-        if innovation * innovation > GATE * GATE * variance {
-            return false;
+        if innovation_m * innovation_m > GATE * GATE * variance {
+            return None;
         }
         let (gain_p, gain_v) = (pp / variance, pv / variance);
-        self.position_m += gain_p * innovation;
-        self.velocity_mps += gain_v * innovation;
+        self.position_m += gain_p * innovation_m;
+        self.velocity_mps += gain_v * innovation_m;
         self.covariance = [pp - gain_p * pp, pv - gain_p * pv, vv - gain_v * pv];
-        true
+        Some(gain_p * innovation_m)
     }
 
     /// Takes in a measured velocity, unless it is too far away.
@@ -83,6 +99,58 @@ impl Axis {
         self.position_m += gain_p * innovation;
         self.velocity_mps += gain_v * innovation;
         self.covariance = [pp - gain_p * pv, pv - gain_p * vv, vv - gain_v * vv];
+    }
+}
+
+/// Where the vehicle was a moment ago, as it is known now. A measurement that took time is compared with it.
+#[derive(Debug, Default)]
+struct Past {
+    /// Oldest first; north, east and up, in metres.
+    positions: VecDeque<(Timestamp, [f64; 3])>,
+}
+
+impl Past {
+    fn note(&mut self, now: Timestamp, position: [f64; 3]) {
+        let last = self.positions.back().map(|(at, _)| *at);
+        if last.is_some_and(|last| now.since(last) < PAST_STEP) {
+            return;
+        }
+        while self
+            .positions
+            .front()
+            .is_some_and(|(at, _)| now.since(*at) > AGE_MAX)
+        {
+            self.positions.pop_front();
+        }
+        self.positions.push_back((now, position));
+    }
+
+    /// The position `age` ago, between the two that are noted around it. `None` if none is.
+    fn before(&self, now: Timestamp, age: Duration) -> Option<[f64; 3]> {
+        let after = self
+            .positions
+            .partition_point(|(at, _)| now.since(*at) > age);
+        let (later, to) = self.positions.get(after).or(self.positions.back())?;
+        let Some((earlier, from)) = after.checked_sub(1).and_then(|it| self.positions.get(it))
+        else {
+            return Some(*to);
+        };
+        let span_s = later.since(*earlier).as_secs_f64();
+        let passed_s = now.since(*earlier).saturating_sub(age).as_secs_f64();
+        let share = if span_s > 0.0 {
+            (passed_s / span_s).min(1.0)
+        } else {
+            1.0
+        };
+        Some(std::array::from_fn(|axis| {
+            from[axis] + (to[axis] - from[axis]) * share
+        }))
+    }
+
+    fn shift(&mut self, axis: usize, by_m: f64) {
+        for (_, position) in &mut self.positions {
+            position[axis] += by_m;
+        }
     }
 }
 
@@ -128,6 +196,7 @@ pub(super) struct Estimator {
     horizontal: Option<[Axis; 2]>,
     /// Up, from where the barometer counts.
     vertical: Option<Axis>,
+    past: Past,
     /// The barometer's altitude on the ground, in metres.
     ground_m: Option<f64>,
     /// The newest accepted position.
@@ -138,7 +207,7 @@ pub(super) struct Estimator {
 
 impl Estimator {
     /// Without any measurement yet. `ground_m`: the barometer's altitude on the ground, if it is known from before.
-    pub(super) const fn new(config: &Config, now: Timestamp, ground_m: Option<f64>) -> Self {
+    pub(super) fn new(config: &Config, now: Timestamp, ground_m: Option<f64>) -> Self {
         Self {
             home: config.home,
             noise: config.noise,
@@ -147,6 +216,7 @@ impl Estimator {
             tilt: None,
             horizontal: None,
             vertical: None,
+            past: Past::default(),
             ground_m,
             fixed_at: now,
             height_at: now,
@@ -206,6 +276,11 @@ impl Estimator {
         if let Some(axis) = &mut self.vertical {
             axis.predict(seconds, 0.0, self.noise.vertical_acceleration_mps2);
         }
+        if let Some([north, east]) = self.horizontal {
+            let up_m = self.vertical.map_or(0.0, |it| it.position_m);
+            self.past
+                .note(now, [north.position_m, east.position_m, up_m]);
+        }
     }
 
     /// Takes in an attitude. One that no vehicle can have is rejected.
@@ -264,24 +339,70 @@ impl Estimator {
             speed_mps * libm::cos(course_rad),
             speed_mps * libm::sin(course_rad),
         ];
-        let delay_s = self.noise.gps_delay.as_secs_f64();
-        let variance_m2 = self.noise.position_m * self.noise.position_m;
-        let place = [place.north_m(), place.east_m()];
-        if self.horizontal.is_none() || now.since(self.fixed_at) > LOST_AFTER {
-            self.horizontal = Some(place.map(|it| Axis::at(it, variance_m2)));
-            self.fixed_at = now;
+        let is_near = self.measure_place(
+            now,
+            [place.north_m(), place.east_m()],
+            self.noise.position_m,
+            self.noise.gps_delay,
+        );
+        if is_near {
+            for (axis, velocity) in self.horizontal.iter_mut().flatten().zip(velocity) {
+                axis.measure_velocity(velocity, self.noise.velocity_mps);
+            }
+        }
+    }
+
+    /// Takes in a pose. One that is too old, or not a number, is rejected.
+    pub(super) fn measure_pose(&mut self, now: Timestamp, pose: &Pose) {
+        let Pose {
+            position,
+            sigma_m,
+            age,
+        } = *pose;
+        let is_finite = position.0.iter().chain([&sigma_m]).all(|it| it.is_finite());
+        if !is_finite || sigma_m < SIGMA_MIN_M || age > AGE_MAX {
             return;
         }
+        let place = [position.north_m(), position.east_m()];
+        self.measure_place(now, place, sigma_m, age);
+        let past = self.past.before(now, age);
+        if let (Some(axis), Some(ground_m), Some(past)) = (&mut self.vertical, self.ground_m, past)
+        {
+            let innovation_m = position.altitude_m() + ground_m - past[UP];
+            if let Some(by_m) = axis.correct_position(innovation_m, sigma_m) {
+                self.past.shift(UP, by_m);
+                self.height_at = now;
+            }
+        }
+    }
+
+    /// Takes in a place, north and east, that is `age` old. Returns whether it was near enough.
+    fn measure_place(
+        &mut self,
+        now: Timestamp,
+        place: [f64; 2],
+        sigma_m: f64,
+        age: Duration,
+    ) -> bool {
+        let past = self.past.before(now, age);
+        let is_lost = now.since(self.fixed_at) > LOST_AFTER;
+        let (Some(axes), Some(past), false) = (&mut self.horizontal, past, is_lost) else {
+            self.horizontal = Some(place.map(|it| Axis::at(it, sigma_m * sigma_m)));
+            self.past = Past::default();
+            self.fixed_at = now;
+            return false;
+        };
         let mut is_near = true;
-        let axes = self.horizontal.iter_mut().flatten();
-        for ((axis, place), velocity) in axes.zip(place).zip(velocity) {
-            let moved_m = axis.velocity_mps * delay_s;
-            is_near &= axis.measure_position(place + moved_m, self.noise.position_m);
-            axis.measure_velocity(velocity, self.noise.velocity_mps);
+        for (index, axis) in axes.iter_mut().enumerate() {
+            match axis.correct_position(place[index] - past[index], sigma_m) {
+                Some(by_m) => self.past.shift(index, by_m),
+                None => is_near = false,
+            }
         }
         if is_near {
             self.fixed_at = now;
         }
+        is_near
     }
 }
 
@@ -335,6 +456,68 @@ mod tests {
         let north_m = estimate.position.north_m();
         assert!((north_m - 49.5).abs() < 0.3, "{north_m}");
         assert!((estimate.velocity.0.x - 5.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn an_accelerating_vehicle_is_where_late_poses_say_it_was_and_has_moved_since() {
+        let mut estimator = estimator();
+        // Without drag 5° of tilt accelerate by 0.858 m/s².
+        estimator.drag_per_s = 0.0;
+        estimator.measure_attitude(&Attitude {
+            pitch_ddeg: 50,
+            ..Attitude::default()
+        });
+        let place_m = |seconds: f64| 0.5 * 0.858 * seconds * seconds;
+        let age = Duration::from_millis(100);
+        for step in 0..300_u32 {
+            let now = at(f64::from(step) / 50.0);
+            estimator.predict(now);
+            if step % 5 == 0 {
+                let seen_m = place_m((f64::from(step) / 50.0 - 0.1).max(0.0));
+                let position = Ned::new(seen_m, 2.0, -1.5);
+                let pose = Pose {
+                    position,
+                    sigma_m: 0.05,
+                    age,
+                };
+                estimator.measure_pose(now, &pose);
+            }
+        }
+        let estimate = estimator.estimate().unwrap();
+        let north_m = estimate.position.north_m() - place_m(299.0 / 50.0);
+        assert!(north_m.abs() < 0.03, "{north_m}");
+        assert!((estimate.velocity.0.x - 0.858 * 5.98).abs() < 0.05);
+        assert!((estimate.position.altitude_m() - 1.5).abs() < 0.05);
+    }
+
+    #[test]
+    fn a_pose_that_is_old_or_no_number_is_rejected() {
+        let mut estimator = estimator();
+        let good = Pose {
+            position: Ned::new(1.0, 2.0, 0.0),
+            sigma_m: 0.05,
+            age: Duration::from_millis(100),
+        };
+        let bad = [
+            Pose {
+                position: Ned::new(f64::NAN, 2.0, 0.0),
+                ..good
+            },
+            Pose {
+                sigma_m: 0.0,
+                ..good
+            },
+            Pose {
+                age: Duration::from_secs(2),
+                ..good
+            },
+        ];
+        for pose in bad {
+            estimator.measure_pose(at(0.1), &pose);
+            assert!(estimator.lost_for(at(0.1)).is_some());
+        }
+        estimator.measure_pose(at(0.1), &good);
+        assert_eq!(estimator.lost_for(at(0.1)), None);
     }
 
     #[test]

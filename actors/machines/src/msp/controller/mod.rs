@@ -14,7 +14,7 @@ use muster_msp::{Channel, Identity, Mode, SetRawRc, Status, Sticks, Telemetry as
 use serde::{Deserialize, Serialize};
 
 use self::arming::{Arming, Reported};
-pub use self::config::{Config, Gains, Noise, Receiver, Stage};
+pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
 use self::control::Control;
 use self::estimator::{Estimate, Estimator};
 use self::guidance::Guidance;
@@ -50,7 +50,7 @@ const fn arm_switch(count: u8) -> u32 {
     1_u32.wrapping_shl(count.saturating_sub(1) as u32)
 }
 
-/// From a link to the port of its controller, and back.
+/// What a link is told: by the port of its controller, or by a sensor beside it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PortEvent {
     /// The controller said who it is. The port is open.
@@ -59,6 +59,19 @@ pub enum PortEvent {
     Closed,
     /// The controller told something.
     Told(Told),
+    /// A sensor beside the controller measured where the vehicle is.
+    Pose(Pose),
+}
+
+/// Where a vehicle is, as measured from outside: by motion capture, beacons or a localisation of its own.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pose {
+    /// In the drone's local frame.
+    pub position: Ned,
+    /// Standard deviation on each axis, in metres.
+    pub sigma_m: f64,
+    /// Time since it was measured.
+    pub age: Duration,
 }
 
 /// What a link needs to go on after a restart.
@@ -208,6 +221,10 @@ impl ControllerLink {
                 self.identity = Some(*identity);
             }
             PortEvent::Closed => self.close(),
+            PortEvent::Pose(pose) => {
+                self.estimator.predict(now);
+                self.estimator.measure_pose(now, &pose);
+            }
             PortEvent::Told(told) => {
                 self.estimator.predict(now);
                 self.silent_at = self.silent_at.map(|_| now + LOST_AFTER);
@@ -215,7 +232,10 @@ impl ControllerLink {
                     Told::Status(status) => self.handle_status(now, &status),
                     Told::Attitude(attitude) => self.estimator.measure_attitude(&attitude),
                     Told::Altitude(altitude) => self.estimator.measure_altitude(now, &altitude),
-                    Told::Gps(gps) => self.estimator.measure_gps(now, &gps),
+                    Told::Gps(gps) if self.config.place == PlaceSensor::Gps => {
+                        self.estimator.measure_gps(now, &gps);
+                    }
+                    Told::Gps(_) => return,
                     Told::Battery(state) => self.charge = battery::charge(&state),
                     Told::Rc(_) | Told::Sonar(_) | Told::Analog(_) => return,
                 }

@@ -28,6 +28,7 @@ fn staged(stage: Stage, receiver: Receiver) -> Config {
             final_altitude_m: 10.0,
             acceleration_mps2: 1.0,
         },
+        place: PlaceSensor::Gps,
         noise: Noise::GPS,
         gains: Gains::QUADCOPTER,
     }

@@ -1,0 +1,89 @@
+//! The aircraft of a firmware in real time: 1,000 steps a second.
+
+use std::io;
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::sync::{Mutex, Weak};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use muster_controller::{InLoop, MOTORS_BYTES, PoseErrors, PoseSensor};
+use muster_daemon::pose::Message;
+use muster_machines::geometry::Ned;
+use muster_machines::time::Timestamp;
+
+use crate::controller::lock;
+
+/// Where the firmware takes the aircraft's state, and where it sends its motors'.
+const STATE: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 9003);
+const MOTORS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 9002);
+/// From one state to the next.
+const STEP: Duration = Duration::from_millis(1);
+
+/// Sockets to the firmware.
+#[derive(Debug)]
+pub(super) struct Sockets(UdpSocket);
+
+impl Sockets {
+    /// Opens them in this thread's network.
+    pub(super) fn open() -> io::Result<Self> {
+        let socket = UdpSocket::bind(MOTORS)?;
+        socket.set_nonblocking(true)?;
+        Ok(Self(socket))
+    }
+}
+
+/// What measures the pose, and who is told.
+#[derive(Debug)]
+pub(super) struct Poses(Option<(PoseSensor, UdpSocket)>);
+
+impl Poses {
+    pub(super) fn open(pose: Option<(PoseErrors, SocketAddr)>, seed: u64) -> io::Result<Self> {
+        let Some((errors, address)) = pose else {
+            return Ok(Self(None));
+        };
+        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
+        socket.connect(address)?;
+        let sensor = PoseSensor::new(errors, seed, Timestamp::ZERO);
+        Ok(Self(Some((sensor, socket))))
+    }
+
+    fn measure(&mut self, now: Timestamp, position: Ned) {
+        if let Some((sensor, socket)) = &mut self.0 {
+            sensor.measure(now, position);
+            while let Some(pose) = sensor.arrived(now) {
+                // Nobody may listen yet.
+                drop(socket.send(&Message::from(pose).to_bytes()));
+            }
+        }
+    }
+}
+
+/// An aircraft that moves until it is dropped.
+pub(super) struct Moved {
+    pub(super) aircraft: Weak<Mutex<InLoop>>,
+    pub(super) started: Instant,
+    pub(super) sockets: Sockets,
+    pub(super) pose: Poses,
+}
+
+impl Moved {
+    pub(super) fn run(mut self) {
+        let socket = self.sockets.0;
+        let mut packet = [0; MOTORS_BYTES + 1];
+        let mut due = Instant::now();
+        while let Some(aircraft) = self.aircraft.upgrade() {
+            let now = Timestamp::ZERO + self.started.elapsed();
+            let mut aircraft = lock(&aircraft);
+            while let Ok(length) = socket.recv(&mut packet) {
+                aircraft.receive(now, &packet[..length]);
+            }
+            // A state that the firmware misses is followed by the next.
+            drop(socket.send_to(&aircraft.transmit(now), STATE));
+            let position = aircraft.aircraft(now).position;
+            drop(aircraft);
+            self.pose.measure(now, position);
+            due = (due + STEP).max(Instant::now());
+            thread::sleep(due.saturating_duration_since(Instant::now()));
+        }
+    }
+}

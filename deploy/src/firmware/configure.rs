@@ -1,0 +1,106 @@
+//! Settings of a firmware, by its command line, and whether it takes RC. In its network.
+
+use std::io::{self, Read, Write};
+use std::net::TcpStream;
+use std::time::{Duration, Instant};
+
+use muster_machines::msp::controller::Receiver;
+use muster_msp::{Decode, Decoder, Message, Rc, SetRawRc, Sticks, Version, order, request};
+
+use super::MSP;
+
+/// How long an answer of the command line may take.
+const ANSWERS_WITHIN: Duration = Duration::from_secs(3);
+/// How long RC may take to count.
+const TAKES_RC_WITHIN: Duration = Duration::from_secs(4);
+/// What ends an answer.
+const PROMPT: &[u8] = b"\r\n# ";
+
+/// The settings for a receiver: one command a line.
+fn settings(receiver: Receiver) -> impl Iterator<Item = &'static str> {
+    let own = match receiver {
+        Receiver::Sole => "",
+        Receiver::Override => include_str!("override.txt"),
+    };
+    let all = [include_str!("settings.txt"), own];
+    let lines = all.into_iter().flat_map(str::lines).map(str::trim);
+    lines.filter(|line| !line.is_empty() && !line.starts_with('#'))
+}
+
+/// Sets the firmware up and saves that, which ends it.
+pub(super) fn set_up(receiver: Receiver) -> io::Result<()> {
+    let mut stream = connect()?;
+    // Until its port has been served once it loses what it is told.
+    std::thread::sleep(Duration::from_millis(300));
+    stream.write_all(b"#")?;
+    answer(&mut stream)?;
+    for line in settings(receiver) {
+        stream.write_all(format!("{line}\n").as_bytes())?;
+        let answer = answer(&mut stream)?;
+        if answer.contains("###ERROR") || answer.contains("Invalid") {
+            let message = format!("the firmware refuses `{line}`: {}", answer.trim());
+            return Err(io::Error::other(message));
+        }
+    }
+    stream.write_all(b"save\n")
+}
+
+fn answer(stream: &mut TcpStream) -> io::Result<String> {
+    let started = Instant::now();
+    let mut answer = Vec::new();
+    let mut buffer = [0; 512];
+    while !answer.ends_with(PROMPT) {
+        match read(stream, &mut buffer)? {
+            0 if started.elapsed() > ANSWERS_WITHIN => {
+                let message = "the firmware's command line doesn't answer";
+                return Err(io::Error::new(io::ErrorKind::TimedOut, message));
+            }
+            length => answer.extend(&buffer[..length]),
+        }
+    }
+    Ok(String::from_utf8_lossy(&answer).into_owned())
+}
+
+/// Whether the firmware shows the channels that it is told.
+pub(super) fn takes_rc() -> io::Result<()> {
+    let mut stream = connect()?;
+    let idle = SetRawRc::new(Sticks::IDLE, &[]).expect("no channels beside the sticks");
+    let mut frames = Vec::new();
+    let framed = order(Version::V1, &idle, &mut frames);
+    framed
+        .and_then(|()| request::<Rc>(Version::V1, &mut frames))
+        .expect("both fit into a frame");
+    let started = Instant::now();
+    let mut decoder = Decoder::default();
+    let mut buffer = [0; 512];
+    let mut is_taken = false;
+    while !is_taken {
+        if started.elapsed() > TAKES_RC_WITHIN {
+            let message = "the firmware doesn't take RC frames";
+            return Err(io::Error::new(io::ErrorKind::TimedOut, message));
+        }
+        stream.write_all(&frames)?;
+        let length = read(&mut stream, &mut buffer)?;
+        decoder.read(&buffer[..length], |frame| {
+            let rc = (frame.command == Rc::COMMAND).then(|| Rc::decode(frame.payload));
+            is_taken |= matches!(rc, Some(Ok(rc)) if rc.throttle_us == idle.sticks().throttle.us());
+        });
+    }
+    Ok(())
+}
+
+fn connect() -> io::Result<TcpStream> {
+    let stream = TcpStream::connect(MSP)?;
+    stream.set_nodelay(true)?;
+    stream.set_read_timeout(Some(Duration::from_millis(20)))?;
+    Ok(stream)
+}
+
+/// Reads what is there; 0 if nothing comes in time.
+fn read(stream: &mut TcpStream, buffer: &mut [u8]) -> io::Result<usize> {
+    match stream.read(buffer) {
+        Ok(0) => Err(io::ErrorKind::UnexpectedEof.into()),
+        Err(error) if error.kind() == io::ErrorKind::WouldBlock => Ok(0),
+        read => read,
+    }
+}

@@ -1,0 +1,229 @@
+//! Betaflight itself in the loop: its software build as a process in a network of its own, since its ports are fixed, with
+//! our aircraft for a body.
+
+mod body;
+mod configure;
+mod network;
+mod pilot;
+
+use std::fs::File;
+use std::io;
+use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use muster_controller::{Config, InLoop, PoseErrors, Truth};
+use muster_machines::msp::controller::Receiver;
+use muster_machines::time::Timestamp;
+use tempfile::TempDir;
+
+use self::network::Network;
+use crate::controller::{lock, wait};
+
+/// Where the firmware listens for MSP, in its network.
+const MSP: &str = "127.0.0.1:5761";
+/// How long the firmware may take until it listens.
+const LISTENS_WITHIN: Duration = Duration::from_secs(5);
+/// Now and then it starts without some of its tasks, and is started again.
+const STARTS_MAX: u32 = 4;
+/// Longest time until the end of a [`Firmware`] is seen.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// How a firmware is to run.
+#[derive(Debug, Clone)]
+pub struct Setup {
+    /// The program: Betaflight's software build.
+    pub program: PathBuf,
+    /// Who else commands it. With [`Receiver::Override`] a pilot arms it and gives MSP the sticks.
+    pub receiver: Receiver,
+    /// Where its aircraft stands, and the errors of its sensors.
+    pub config: Config,
+    /// Draws these errors.
+    pub seed: u64,
+    /// What measures its pose, and who is told.
+    pub pose: Option<(PoseErrors, SocketAddr)>,
+}
+
+/// A firmware that runs, and its aircraft. Both end with it.
+#[derive(Debug)]
+pub struct Firmware {
+    aircraft: Arc<Mutex<InLoop>>,
+    started: Instant,
+    network: Arc<Network>,
+    process: Child,
+    is_over: Arc<AtomicBool>,
+    _folder: TempDir,
+}
+
+impl Firmware {
+    /// Starts the program in an empty folder, sets it up and starts it again. Takes some seconds. Needs root, for its network.
+    ///
+    /// # Errors
+    /// If the program doesn't start, refuses its settings or doesn't take RC.
+    pub fn start(setup: Setup) -> io::Result<Self> {
+        let folder = tempfile::tempdir()?;
+        let mut error = io::Error::other("it was not started");
+        for _ in 0..STARTS_MAX {
+            match Self::try_start(&setup, folder.path()) {
+                Ok((process, network)) => return Self::fly(setup, folder, process, network),
+                Err(again) => error = again,
+            }
+        }
+        Err(error)
+    }
+
+    fn try_start(setup: &Setup, folder: &Path) -> io::Result<(Child, Network)> {
+        let (mut process, network) = launch(&setup.program, folder)?;
+        let configured = network.inside(|| configure::set_up(setup.receiver));
+        // Saved settings end the program.
+        if configured.is_err() {
+            stop(&mut process);
+        }
+        process.wait()?;
+        configured?;
+        let (mut process, network) = launch(&setup.program, folder)?;
+        let takes_rc = match setup.receiver {
+            Receiver::Sole => network.inside(configure::takes_rc),
+            Receiver::Override => Ok(()),
+        };
+        if let Err(error) = takes_rc {
+            stop(&mut process);
+            return Err(error);
+        }
+        Ok((process, network))
+    }
+
+    fn fly(setup: Setup, folder: TempDir, process: Child, network: Network) -> io::Result<Self> {
+        let started = Instant::now();
+        let aircraft = InLoop::new(setup.config, setup.seed, Timestamp::ZERO);
+        let firmware = Self {
+            aircraft: Arc::new(Mutex::new(aircraft)),
+            started,
+            network: Arc::new(network),
+            process,
+            is_over: Arc::new(AtomicBool::new(false)),
+            _folder: folder,
+        };
+        let sockets = firmware.network.inside(body::Sockets::open)?;
+        let moved = body::Moved {
+            aircraft: Arc::downgrade(&firmware.aircraft),
+            started,
+            sockets,
+            pose: body::Poses::open(setup.pose, setup.seed)?,
+        };
+        let thread = thread::Builder::new().name("aircraft".to_owned());
+        thread.spawn(move || moved.run())?;
+        if setup.receiver == Receiver::Override {
+            let radio = firmware.network.inside(pilot::Radio::open)?;
+            let is_over = Arc::clone(&firmware.is_over);
+            let thread = thread::Builder::new().name("pilot".to_owned());
+            thread.spawn(move || radio.run(&is_over))?;
+        }
+        Ok(firmware)
+    }
+
+    /// The truth about its aircraft now.
+    #[must_use]
+    pub fn truth(&self) -> Truth {
+        let now = Timestamp::ZERO + self.started.elapsed();
+        lock(&self.aircraft).aircraft(now)
+    }
+
+    /// Carries bytes between the firmware and who connects to `listener`, one connection after the other, until it is
+    /// dropped. It does so on a thread of its own.
+    ///
+    /// # Errors
+    /// If the system starts no thread.
+    pub fn listen(&self, listener: TcpListener) -> io::Result<()> {
+        listener.set_nonblocking(true)?;
+        let (network, is_over) = (Arc::clone(&self.network), Arc::clone(&self.is_over));
+        let thread = thread::Builder::new().name("firmware-port".to_owned());
+        thread.spawn(move || {
+            while !is_over.load(Ordering::Relaxed) {
+                if let Ok(true) = wait(&listener, PAUSE)
+                    && let Ok((stream, _)) = listener.accept()
+                {
+                    // A connection that fails is closed, and the link connects again.
+                    drop(carry(&network, &stream));
+                }
+            }
+        })?;
+        Ok(())
+    }
+}
+
+impl Drop for Firmware {
+    fn drop(&mut self) {
+        self.is_over.store(true, Ordering::Relaxed);
+        stop(&mut self.process);
+        // It has been killed, so it ends.
+        drop(self.process.wait());
+    }
+}
+
+/// Carries bytes until either end is closed.
+fn carry(network: &Network, companion: &TcpStream) -> io::Result<()> {
+    companion.set_nonblocking(false)?;
+    let firmware = network.inside(|| TcpStream::connect(MSP))?;
+    for stream in [companion, &firmware] {
+        stream.set_nodelay(true)?;
+    }
+    let copy = |mut from: &TcpStream, mut to: &TcpStream| {
+        let copied = io::copy(&mut from, &mut to);
+        // The other direction ends, too.
+        drop((from.shutdown(Shutdown::Both), to.shutdown(Shutdown::Both)));
+        copied
+    };
+    thread::scope(|scope| {
+        scope.spawn(|| copy(&firmware, companion));
+        copy(companion, &firmware).map(drop)
+    })
+}
+
+/// Starts the program in a network of its own, and waits until it listens.
+fn launch(program: &Path, folder: &Path) -> io::Result<(Child, Network)> {
+    let mut process = Command::new("unshare")
+        .args(["--net", "sh", "-c"])
+        .arg("ip link set lo up && exec \"$0\" 127.0.0.1")
+        .arg(program)
+        .current_dir(folder)
+        .stdin(Stdio::null())
+        .stdout(File::create(folder.join("output"))?)
+        .stderr(Stdio::null())
+        .spawn()?;
+    let network = listening(&mut process);
+    if network.is_err() {
+        stop(&mut process);
+        process.wait()?;
+    }
+    network.map(|network| (process, network))
+}
+
+fn listening(process: &mut Child) -> io::Result<Network> {
+    let started = Instant::now();
+    loop {
+        if let Some(status) = process.try_wait()? {
+            return Err(io::Error::other(format!("the firmware ended: {status}")));
+        }
+        let network = Network::of(process.id());
+        let connected = network.and_then(|network| {
+            let address: SocketAddr = MSP.parse().expect("a valid address");
+            network.inside(|| TcpStream::connect_timeout(&address, PAUSE))?;
+            Ok(network)
+        });
+        match connected {
+            Ok(network) => return Ok(network),
+            Err(error) if started.elapsed() > LISTENS_WITHIN => return Err(error),
+            Err(_) => thread::sleep(Duration::from_millis(20)),
+        }
+    }
+}
+
+/// Ends a process that may have ended already.
+fn stop(process: &mut Child) {
+    drop(process.kill());
+}

@@ -1,0 +1,290 @@
+//! Permission to fly an aircraft above the stage `bench`, signed by the fleet's key.
+
+use std::fmt::{self, Write};
+use std::path::Path;
+use std::time::Duration;
+
+use ed25519_dalek::SigningKey;
+use muster_machines::identity::NodeId;
+use muster_msp::{Configuration, Uid};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
+use thiserror::Error;
+use time::OffsetDateTime;
+use time::format_description::well_known::Rfc3339;
+
+use super::FleetKey;
+use super::key::{bytes, hex, read_public, sign};
+use super::lists::{NEVER_FAILS, append_signature, verify};
+use crate::diagnostic::{BadInput, FileFormat, TomlFile};
+use crate::schema::{FieldList, Located};
+
+/// Prefix of a signed grant, so that its signature fits no other message.
+const GRANT: &[u8] = b"muster grant 1\0";
+
+const FORMAT: FileFormat = FileFormat {
+    fields: FieldList::EMPTY,
+    description: "a grant has `drone`, `stage`, `chip`, `firmware`, `settings`, `issued`, `until` and `signature`, as `muster keys \
+         grant` writes it",
+};
+
+/// The stages that need a grant, lowest first.
+#[derive(
+    Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
+)]
+#[serde(rename_all = "kebab-case")]
+pub enum GrantedStage {
+    /// Flies with height, tilt, throttle and radius capped.
+    Tethered,
+    /// Flies.
+    Flight,
+}
+
+impl fmt::Display for GrantedStage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Tethered => "tethered",
+            Self::Flight => "flight",
+        })
+    }
+}
+
+/// A time on the calendar, to the second.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub struct CalendarTime(OffsetDateTime);
+
+impl CalendarTime {
+    /// What this machine's clock shows, which may be wrong.
+    #[must_use]
+    pub fn of_this_clock() -> Self {
+        let now = OffsetDateTime::now_utc();
+        Self(now.replace_nanosecond(0).unwrap_or(now))
+    }
+
+    /// Reads a time such as `2026-12-24T18:00:00Z` (RFC 3339). `None` if it is none.
+    #[must_use]
+    pub fn read(text: &str) -> Option<Self> {
+        let time = OffsetDateTime::parse(text.trim(), &Rfc3339).ok()?;
+        (time.nanosecond() == 0).then_some(Self(time))
+    }
+
+    /// A time later. The latest one that can be written, if it would be after that.
+    #[must_use]
+    pub fn after(self, span: Duration) -> Self {
+        let seconds = i64::try_from(span.as_secs()).unwrap_or(i64::MAX);
+        let later = self.0.checked_add(time::Duration::seconds(seconds));
+        Self(later.unwrap_or(time::PrimitiveDateTime::MAX.assume_utc()))
+    }
+}
+
+impl fmt::Display for CalendarTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0.format(&Rfc3339).map_err(|_| fmt::Error)?)
+    }
+}
+
+/// A flight controller, as far as a grant is bound to it.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ControllerFacts {
+    /// Number of its processor, in hexadecimal.
+    pub chip: String,
+    /// Its firmware's name and version.
+    pub firmware: String,
+    /// SHA-256 of the settings that make it fit to fly.
+    pub settings: [u8; 32],
+}
+
+impl ControllerFacts {
+    /// The facts that a controller tells.
+    #[must_use]
+    pub fn new(configuration: &Configuration, uid: &Uid) -> Self {
+        let identity = &configuration.identity;
+        let [first, second, third] = uid.uid;
+        Self {
+            chip: format!("{first:08x}{second:08x}{third:08x}"),
+            firmware: format!("{} {}", identity.variant.variant, identity.version),
+            settings: Sha256::digest(configuration.to_bytes()).into(),
+        }
+    }
+}
+
+/// A grant.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Grant {
+    /// For this drone only.
+    pub drone: NodeId,
+    /// The highest stage that it allows.
+    pub stage: GrantedStage,
+    /// With this controller only.
+    pub controller: ControllerFacts,
+    /// When it was signed.
+    pub issued: CalendarTime,
+    /// When it ends.
+    pub until: CalendarTime,
+}
+
+/// Why a grant does not allow a stage.
+#[derive(Debug, Clone, PartialEq, Eq, Error)]
+pub enum GrantRefusal {
+    /// Its drone is another one.
+    #[error("the grant is for drone {0}")]
+    OtherDrone(NodeId),
+    /// Its stage is lower.
+    #[error("the grant allows the stage \"{0}\" only")]
+    LowerStage(GrantedStage),
+    /// Its controller is another one.
+    #[error("the grant is for the flight controller with the chip {granted}; this one has {found}")]
+    OtherController {
+        /// Chip in the grant.
+        granted: String,
+        /// Chip of the controller.
+        found: String,
+    },
+    /// The controller's firmware is another one.
+    #[error("the grant is for the firmware {granted}; the flight controller has {found}")]
+    OtherFirmware {
+        /// Firmware in the grant.
+        granted: String,
+        /// Firmware of the controller.
+        found: String,
+    },
+    /// The controller's settings changed.
+    #[error("the flight controller's settings have changed since the grant was signed")]
+    OtherSettings,
+    /// It is over.
+    #[error("the grant ended at {until}; it is {now} or later")]
+    Ended {
+        /// Its end.
+        until: CalendarTime,
+        /// The newest time that is known.
+        now: CalendarTime,
+    },
+}
+
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Raw {
+    drone: u32,
+    stage: GrantedStage,
+    chip: String,
+    firmware: String,
+    settings: Located<String>,
+    issued: Located<String>,
+    until: Located<String>,
+    signature: Located<String>,
+}
+
+impl Grant {
+    /// Reads a grant and verifies its signature.
+    ///
+    /// # Errors
+    /// If the file can't be used, or is not signed by the fleet's key.
+    pub fn load(path: &Path, fleet: &FleetKey) -> Result<Self, BadInput> {
+        let file = TomlFile::<Raw>::parse(path, read_public(path)?, FORMAT)?;
+        let raw = &file.raw;
+        let time = |field: &Located<String>| {
+            CalendarTime::read(field.get_ref()).ok_or_else(|| {
+                let help = "a time has the form 2026-12-24T18:00:00Z";
+                file.error_with(field.span(), "this is not a time", help)
+            })
+        };
+        let Some(settings) = bytes::<32>(raw.settings.get_ref()) else {
+            let help = "SHA-256 has 64 hexadecimal digits";
+            return Err(file.error_with(raw.settings.span(), "this is not SHA-256", help));
+        };
+        let grant = Self {
+            drone: NodeId(raw.drone),
+            stage: raw.stage,
+            controller: ControllerFacts {
+                chip: raw.chip.clone(),
+                firmware: raw.firmware.clone(),
+                settings,
+            },
+            issued: time(&raw.issued)?,
+            until: time(&raw.until)?,
+        };
+        verify(&file, fleet, &grant.message(), &raw.signature)?;
+        Ok(grant)
+    }
+
+    /// Checks whether it allows a drone this stage with this controller. `newest`: the newest time that is known, of clock
+    /// and journal; the time of the signature counts, too.
+    ///
+    /// # Errors
+    /// The first reason why it does not.
+    pub fn allows(
+        &self,
+        drone: NodeId,
+        stage: GrantedStage,
+        found: &ControllerFacts,
+        newest: CalendarTime,
+    ) -> Result<(), GrantRefusal> {
+        let granted = &self.controller;
+        let now = newest.max(self.issued);
+        if drone != self.drone {
+            Err(GrantRefusal::OtherDrone(self.drone))
+        } else if stage > self.stage {
+            Err(GrantRefusal::LowerStage(self.stage))
+        } else if now >= self.until {
+            Err(GrantRefusal::Ended {
+                until: self.until,
+                now,
+            })
+        } else if found.chip != granted.chip {
+            Err(GrantRefusal::OtherController {
+                granted: granted.chip.clone(),
+                found: found.chip.clone(),
+            })
+        } else if found.firmware != granted.firmware {
+            Err(GrantRefusal::OtherFirmware {
+                granted: granted.firmware.clone(),
+                found: found.firmware.clone(),
+            })
+        } else if found.settings != granted.settings {
+            Err(GrantRefusal::OtherSettings)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// The grant as a signed TOML file.
+    pub(super) fn to_toml(&self, fleet: &SigningKey) -> String {
+        let mut text = String::from(
+            "# A grant to fly, signed with the fleet's key. Written by `muster keys grant`.\n",
+        );
+        let controller = &self.controller;
+        write!(
+            text,
+            "drone = {}\nstage = \"{}\"\nchip = \"{}\"\nfirmware = \"{}\"\nsettings = \"{}\"\nissued = \"{}\"\nuntil = \"{}\"\n",
+            self.drone,
+            self.stage,
+            controller.chip,
+            controller.firmware,
+            hex(&controller.settings),
+            self.issued,
+            self.until,
+        )
+        .expect(NEVER_FAILS);
+        append_signature(&mut text, &sign(fleet, &self.message()));
+        text
+    }
+
+    /// Each text is preceded by its length, so that no two grants have one message.
+    fn message(&self) -> Vec<u8> {
+        let controller = &self.controller;
+        let texts = [
+            self.stage.to_string(),
+            controller.chip.clone(),
+            controller.firmware.clone(),
+            self.issued.to_string(),
+            self.until.to_string(),
+        ];
+        let mut message = [GRANT, &self.drone.0.to_le_bytes(), &controller.settings].concat();
+        for text in texts {
+            message.extend_from_slice(&(text.len() as u64).to_le_bytes());
+            message.extend_from_slice(text.as_bytes());
+        }
+        message
+    }
+}
