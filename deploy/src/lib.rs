@@ -1,4 +1,5 @@
 //! Operation of whole fleets: flies a swarm of processes on one or many machines, and queries their status.
 
+pub mod controller;
 pub mod status;
 pub mod swarm;

@@ -4,6 +4,7 @@
 pub mod campaign;
 pub mod chaos;
 mod checkers;
+pub mod controllers;
 pub mod engine;
 pub mod report;
 pub mod scenario;

@@ -1,11 +1,12 @@
 //! The twin of a swarm whose drones run as processes: the world of a simulation, which follows their reports in real time.
 //! It knows the positions of their vehicles, the losses of their links, the faults of the plan, and checks the rules.
 //!
-//! The messages to actors stay in their processes, so rules 2 and 8 are not checked. Rule 6 is checked as far as drones
-//! report that they wait to take off.
+//! The messages to actors stay in their processes, so rules 2 and 8 are not checked; nor is rule 7, since RC goes from a
+//! process to its flight controller. Rule 6 is checked as far as drones report that they wait to take off.
 
 use std::time::Duration;
 
+use muster_controller::Truth;
 use muster_machines::identity::NodeId;
 use muster_machines::msp::FlightCommand;
 use muster_machines::node::Observation;
@@ -26,13 +27,16 @@ pub struct Twin {
     steps: u64,
 }
 
-/// A message of a drone's process about its drone.
+/// A message of a drone's process about its drone, or of the simulated aircraft that it flies by sticks.
 #[derive(Debug, Clone, PartialEq)]
 pub enum ProcessReport {
     /// An observation of its state machines.
     Observed(Observation),
     /// A command to its flight controller.
     Commanded(FlightCommand),
+    /// Its aircraft with a flight controller flies like this. Due every [`LOOK_EVERY`](crate::controllers::LOOK_EVERY) while
+    /// it is armed, and when it arms or disarms.
+    Flew(Box<Truth>),
     /// Frames sent and admitted since the last message of this kind.
     Traffic {
         /// Sent because of a change or a loss.
@@ -70,6 +74,7 @@ impl Twin {
         match report {
             ProcessReport::Observed(seen) => self.mirror.observed(at, drone, seen),
             ProcessReport::Commanded(command) => self.mirror.commanded(at, drone, command),
+            ProcessReport::Flew(truth) => self.mirror.flew(at, drone, &truth),
             ProcessReport::Started => self.mirror.process_started(at, drone),
             ProcessReport::Ended => self.mirror.process_ended(at, drone),
             ProcessReport::Traffic {
@@ -106,9 +111,9 @@ impl Twin {
         self.mirror.vehicle(drone)
     }
 
-    /// The faults to inject into actors of processes since the last call, and how long each lasts.
-    pub fn take_actor_faults(&mut self) -> Vec<(NodeId, DroneFault, Option<Duration>)> {
-        self.mirror.take_actor_faults()
+    /// The faults to inject into actors and flight controllers since the last call, and how long each lasts.
+    pub fn take_faults(&mut self) -> Vec<(NodeId, DroneFault, Option<Duration>)> {
+        self.mirror.take_faults()
     }
 
     /// The chance that a frame from one drone does not reach another at their present positions, 0 to 1.
@@ -146,7 +151,7 @@ impl Twin {
     }
 }
 
-/// Why a fault can't be injected into a process that simulates its vehicle; `None` if it can.
+/// Why a fault can't be injected into a process with a simulated vehicle; `None` if it can.
 #[must_use]
 pub fn refuses(fault: &Fault) -> Option<&'static str> {
     let FaultKind::Drone(_, fault) = fault.kind else {
@@ -159,11 +164,11 @@ pub fn refuses(fault: &Fault) -> Option<&'static str> {
         DroneFault::Kill
         | DroneFault::Restart
         | DroneFault::Hang(_)
-        | DroneFault::CrashActor(_) => None,
-        DroneFault::CrashAircraft
-        | DroneFault::Drain(_)
-        | DroneFault::LoseGps
-        | DroneFault::Controller(_) => Some("the vehicle simulated in a process can't fail"),
+        | DroneFault::CrashActor(_)
+        | DroneFault::Controller(_) => None,
+        DroneFault::CrashAircraft | DroneFault::Drain(_) | DroneFault::LoseGps => {
+            Some("the vehicle simulated beside a process can't fail")
+        }
         DroneFault::Replay | DroneFault::Forge => {
             Some("frames of a process can't be replayed or forged")
         }

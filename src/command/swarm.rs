@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use muster_daemon::config::TransportName;
-use muster_deploy::swarm::{self, Hosts, Request, SwarmError};
+use muster_deploy::swarm::{self, Hosts, Prepared, Request, SwarmError};
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::report::{self, Report};
 use muster_scenarios::scenario::{self, Scenario};
@@ -16,9 +16,9 @@ use super::{Failure, Outcome, folder, terminal};
 /// Fly a scenario in real time, with one process per drone.
 ///
 /// Each drone is a musterd process on this machine or, with --hosts, on others. The processes exchange signed frames over
-/// UDP or QUIC; the vehicles are simulated. The scenario's faults are injected into the processes: SIGKILL for a kill,
+/// UDP or QUIC; the vehicles are simulated, in this process if they have flight controllers. The scenario's faults are injected into the processes: SIGKILL for a kill,
 /// SIGSTOP for a hang. The scenario's radio model limits who hears whom. The rules of the simulation are checked, except
-/// those about the input of a drone. No process is left at the end, even after an error.
+/// those about the input of a drone and about RC. No process is left at the end, even after an error.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster swarm swarm-short --unlimited-range --json | jq .mission_completed
@@ -148,8 +148,15 @@ fn prepare(
         folder.display(),
         files.len()
     );
-    let (leads, others): (Vec<_>, Vec<_>) = files.iter().partition(|(id, _)| *id == leader);
-    for (id, file) in others.into_iter().chain(leads) {
+    let drones = files.iter().filter_map(|it| Some((it.id, it.controller?)));
+    for (id, address) in drones {
+        let scenario = arguments.scenario.display();
+        text.push_str(&format!(
+            "  muster fc simulate --listen {address} --scenario {scenario} --drone {id}\n"
+        ));
+    }
+    let (leads, others): (Vec<_>, Vec<_>) = files.iter().partition(|it| it.id == leader);
+    for Prepared { id, file, .. } in others.into_iter().chain(leads) {
         let fly = if *id == leader { " --fly" } else { "" };
         text.push_str(&format!("  musterd --config {}{fly}\n", file.display()));
     }

@@ -1,5 +1,6 @@
 //! Decides when a failed actor is restarted: one for one, with back-off, up to a limit for each actor. The link to the
-//! vehicle restarts without back-off: a flight controller waits 150 ms for RC frames.
+//! vehicle (the actor msp) restarts without back-off, up to a limit of its own: a flight controller waits 150 ms for RC
+//! frames.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -11,8 +12,10 @@ use crate::time::Timestamp;
 /// Limits of restarts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct RestartLimits {
-    /// The most restarts of one actor within the window.
+    /// The most restarts of one actor within the window, except msp.
     pub restarts_max: u32,
+    /// The most restarts of the actor msp within the window.
+    pub msp_restarts_max: u32,
     /// How long a restart counts towards the limit.
     pub window: Duration,
     /// The pause before the second restart within the window; doubled for each further one.
@@ -61,7 +64,11 @@ impl Supervision {
         while (recent.front()).is_some_and(|restart| now.since(*restart) > self.limits.window) {
             recent.pop_front();
         }
-        if self.given_up || recent.len() >= self.limits.restarts_max as usize {
+        let restarts_max = match actor {
+            Address::Msp => self.limits.msp_restarts_max,
+            _ => self.limits.restarts_max,
+        };
+        if self.given_up || recent.len() >= restarts_max as usize {
             self.given_up = true;
             return RestartDecision::GiveUp;
         }
@@ -85,6 +92,7 @@ mod tests {
 
     const LIMITS: RestartLimits = RestartLimits {
         restarts_max: 3,
+        msp_restarts_max: 5,
         window: Duration::from_secs(10),
         back_off: Duration::from_millis(100),
         back_off_max: Duration::from_millis(150),
@@ -107,13 +115,13 @@ mod tests {
     }
 
     #[test]
-    fn link_to_the_vehicle_restarts_without_back_off() {
+    fn link_to_the_vehicle_restarts_without_back_off_up_to_its_own_limit() {
         let mut supervision = Supervision::new(LIMITS);
-        for now in [1.0, 2.0, 3.0].map(at) {
+        for now in [1.0, 2.0, 3.0, 4.0, 5.0].map(at) {
             let decision = supervision.failed(now, Address::Msp);
             assert_eq!(decision, RestartDecision::Restart { at: now });
         }
-        let decision = supervision.failed(at(4.0), Address::Msp);
+        let decision = supervision.failed(at(6.0), Address::Msp);
         assert_eq!(decision, RestartDecision::GiveUp);
     }
 
@@ -144,8 +152,8 @@ mod tests {
                 assert_ne!(supervision.failed(at(now), actor), RestartDecision::GiveUp);
             }
         }
-        let [.., last] = Address::ALL;
-        assert_eq!(supervision.failed(at(4.0), last), RestartDecision::GiveUp);
+        let decision = supervision.failed(at(4.0), Address::Radio);
+        assert_eq!(decision, RestartDecision::GiveUp);
     }
 
     #[test]

@@ -12,6 +12,7 @@ use tokio::signal::unix::{Signal, SignalKind, signal};
 use tokio::sync::mpsc::{self, UnboundedReceiver, UnboundedSender};
 use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at};
 
+use super::controllers::Controllers;
 use super::folder::DroneFolder;
 use super::host::{Launcher, end_launchers, start_launchers};
 use super::hosts::Hosts;
@@ -34,6 +35,7 @@ const EXIT_MAX: Duration = Duration::from_secs(3);
 pub(super) async fn fly(
     request: &Request<'_>,
     (hosts, drones): (&Hosts, &[DroneFolder]),
+    controllers: Controllers,
     watcher: Option<Watcher<'_>>,
 ) -> Result<(Report, Flight), SwarmError> {
     let (sender, events) = mpsc::unbounded_channel();
@@ -45,7 +47,7 @@ pub(super) async fn fly(
         _sender: sender,
         events,
     };
-    let flown = fly_with(request, drones, fleet, watcher).await;
+    let flown = fly_with(request, drones, (fleet, controllers), watcher).await;
     let uncertainty = end_launchers(launchers).await;
     let (mut report, flight) = flown?;
     if !request.emulates_radio {
@@ -67,10 +69,10 @@ struct Launchers<'a> {
 async fn fly_with<'a>(
     request: &'a Request<'a>,
     drones: &'a [DroneFolder],
-    launchers: Launchers<'a>,
+    (launchers, controllers): (Launchers<'a>, Controllers),
     mut watcher: Option<Watcher<'_>>,
 ) -> Result<(Report, Flight), SwarmError> {
-    let mut swarm = Swarm::start(request, drones, launchers).await?;
+    let mut swarm = Swarm::start(request, drones, (launchers, controllers)).await?;
     let [mut terminate, mut interrupt] = termination_signals().map_err(SwarmError::Runtime)?;
     let mut ticks = interval(TICK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
@@ -109,6 +111,7 @@ struct Swarm<'a> {
     twin_delay: Duration,
     twin_time: Timestamp,
     launchers: Launchers<'a>,
+    controllers: Controllers,
     processes: BTreeMap<NodeId, DroneProcess>,
     /// Started when the flight began.
     clock: Clock,
@@ -121,7 +124,7 @@ impl<'a> Swarm<'a> {
     async fn start(
         request: &'a Request<'a>,
         drones: &'a [DroneFolder],
-        launchers: Launchers<'a>,
+        (launchers, controllers): (Launchers<'a>, Controllers),
     ) -> Result<Self, SwarmError> {
         let lags = launchers.by_drone.values().map(|launcher| launcher.lag);
         let twin_delay = TWIN_DELAY + lags.max().unwrap_or_default();
@@ -132,6 +135,7 @@ impl<'a> Swarm<'a> {
             twin_delay,
             twin_time: Timestamp::ZERO,
             launchers,
+            controllers,
             processes: BTreeMap::new(),
             clock: Clock::start(),
             reports: ReportQueue::default(),
@@ -232,7 +236,12 @@ impl<'a> Swarm<'a> {
 
     /// Advances the twin to the delayed clock and applies its decisions to the processes.
     fn advance(&mut self) {
-        let until = Timestamp::ZERO + self.elapsed().saturating_sub(self.twin_delay);
+        let elapsed = self.elapsed();
+        for (drone, truth) in self.controllers.look(Timestamp::ZERO + elapsed) {
+            let report = ProcessReport::Flew(Box::new(truth));
+            self.reports.push(Timestamp::ZERO + elapsed, drone, report);
+        }
+        let until = Timestamp::ZERO + elapsed.saturating_sub(self.twin_delay);
         // In steps, even after a stall of this machine: a fault is applied before the twin passes it.
         while self.twin_time < until {
             let now = until.min(self.twin_time + TICK);
@@ -242,7 +251,7 @@ impl<'a> Swarm<'a> {
             self.twin.advance(now);
             self.twin_time = now;
             self.apply_process_states();
-            self.inject_actor_faults();
+            self.inject_faults();
         }
         self.send_losses();
     }
@@ -264,10 +273,14 @@ impl<'a> Swarm<'a> {
         }
     }
 
-    /// Injects faults of actors into their processes.
-    fn inject_actor_faults(&mut self) {
-        for (drone, fault, duration) in self.twin.take_actor_faults() {
+    /// Injects faults of actors into their processes, and of flight controllers.
+    fn inject_faults(&mut self) {
+        for (drone, fault, duration) in self.twin.take_faults() {
             let (actor, fault) = match fault {
+                DroneFault::Controller(fault) => {
+                    self.controllers.affect(drone, fault, duration);
+                    continue;
+                }
                 DroneFault::CrashActor(actor) => (actor, ActorFault::Crashes),
                 DroneFault::Hang(Some(actor)) => {
                     let duration_s = duration.map(|it| it.as_secs_f64());

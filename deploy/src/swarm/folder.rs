@@ -12,6 +12,7 @@ use muster_runtime::identity::Fleet;
 use muster_scenarios::scenario;
 use serde::Serialize;
 
+use super::controllers::Ports;
 use super::hosts::{Host, Hosts, Reach};
 use super::{Request, SwarmError};
 use muster_daemon::config::TransportName;
@@ -29,6 +30,8 @@ pub(super) struct DroneFolder {
     pub(super) files: Vec<PathBuf>,
     /// The log of its process's output.
     pub(super) log: PathBuf,
+    /// Where its flight controller is. `None` if it has none.
+    pub(super) controller: Option<SocketAddr>,
 }
 
 #[derive(Serialize)]
@@ -37,6 +40,10 @@ struct DroneFile<'a> {
     id: u32,
     stage: &'static str,
     vehicle: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    port: Option<String>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    receiver: Option<&'static str>,
     transport: TransportName,
     journal: &'static str,
     log: LogFormat,
@@ -84,9 +91,10 @@ struct Observe {
 pub(super) fn prepare(
     request: &Request<'_>,
     hosts: &Hosts,
+    ports: &Ports,
 ) -> Result<(Vec<DroneFolder>, File), SwarmError> {
     let lock = lock(request.folder)?;
-    let drones = write_files(request, hosts, LogFormat::Json)?;
+    let drones = write_files(request, hosts, ports, LogFormat::Json)?;
     Ok((drones, lock))
 }
 
@@ -95,6 +103,7 @@ pub(super) fn prepare(
 pub(super) fn prepare_by_hand(
     request: &Request<'_>,
     hosts: &Hosts,
+    ports: &Ports,
 ) -> Result<Vec<DroneFolder>, SwarmError> {
     let folder = request.folder;
     let is_used = match fs::read_dir(folder) {
@@ -107,12 +116,13 @@ pub(super) fn prepare_by_hand(
             BadInput::without_excerpt(folder, "exists and is not an empty folder", help).into(),
         );
     }
-    write_files(request, hosts, LogFormat::Human)
+    write_files(request, hosts, ports, LogFormat::Human)
 }
 
 fn write_files(
     request: &Request<'_>,
     hosts: &Hosts,
+    ports: &Ports,
     log: LogFormat,
 ) -> Result<Vec<DroneFolder>, SwarmError> {
     let folder = request.folder;
@@ -136,11 +146,15 @@ fn write_files(
             TransportName::Udp => (Some(network), None),
             TransportName::Quic => (None, Some(network)),
         };
+        let port = ports.get(&id).map(TcpListener::local_addr).transpose();
+        let controller = port.map_err(SwarmError::Ports)?;
         let file = DroneFile {
             scenario: &Path::new("../scenario").join(&scenario.0),
             id: id.0,
             stage: "sim",
-            vehicle: "closed-form",
+            vehicle: controller.map_or("closed-form", |_| "msp"),
+            port: controller.map(|address| format!("tcp:{address}")),
+            receiver: controller.map(|_| "sole"),
             transport: request.transport,
             journal: "journal",
             log,
@@ -164,6 +178,7 @@ fn write_files(
             config,
             files,
             log: folder.join(own).join("log.jsonl"),
+            controller,
         });
     }
     Ok(drones)

@@ -2,9 +2,11 @@
 //! of a simulation, and leaves no process behind.
 //!
 //! Only the twin of the swarm ([`muster_scenarios::twin`]) knows the positions of the vehicles and the fault plan. The
-//! starter feeds it with the reports of the processes. It applies the twin's decisions: which process runs or hangs, and
+//! starter feeds it with the reports of the processes, and with the flight of the simulated flight controllers, if there are
+//! any, which run in the starter. It applies the twin's decisions: which process runs or hangs, and
 //! which frames it loses.
 
+mod controllers;
 mod flight;
 mod folder;
 mod host;
@@ -18,6 +20,7 @@ mod reports;
 
 use std::borrow::Cow;
 use std::io;
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -34,6 +37,7 @@ use thiserror::Error;
 use muster_daemon::config::TransportName;
 use muster_daemon::launcher::protocol::VERSION;
 
+use self::controllers::{Controllers, open_ports};
 pub use self::hosts::{Hosts, reference, schema};
 
 /// A flight to start.
@@ -116,6 +120,9 @@ pub enum SwarmError {
     /// No free ports on this machine.
     #[error("can't reserve ports for the drones")]
     Ports(#[source] io::Error),
+    /// The simulated flight controllers did not start.
+    #[error("can't start simulated flight controllers")]
+    Controllers(#[source] io::Error),
     /// A program could not be started.
     #[error("can't start {}", program.display())]
     Start {
@@ -157,26 +164,48 @@ pub fn fly(
 ) -> Result<(Report, Flight), SwarmError> {
     check(request)?;
     let hosts = hosts(request)?;
-    let (drones, _lock) = folder::prepare(request, &hosts)?;
+    let ports = open_ports(&request.scenario.plan).map_err(SwarmError::Ports)?;
+    let (drones, _lock) = folder::prepare(request, &hosts, &ports)?;
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(SwarmError::Runtime)?;
-    runtime.block_on(flight::fly(request, (&hosts, &drones), watcher))
+    let controllers = Controllers::start(request.scenario, ports);
+    let controllers = controllers.map_err(SwarmError::Controllers)?;
+    runtime.block_on(flight::fly(
+        request,
+        (&hosts, &drones),
+        controllers,
+        watcher,
+    ))
 }
 
-/// Writes what the drones' processes need (keys, a file for each drone, scenario and mission) and starts nothing. Returns
-/// the file of each drone and relay. Frames of processes that are started by hand reach every other one.
+/// The file of a drone or relay whose process is started by hand.
+#[derive(Debug)]
+pub struct Prepared {
+    /// The drone or relay.
+    pub id: NodeId,
+    /// Its file.
+    pub file: PathBuf,
+    /// Where its file expects the flight controller. `None` if it has none.
+    pub controller: Option<SocketAddr>,
+}
+
+/// Writes what the drones' processes need (keys, a file for each drone, scenario and mission) and starts nothing. Frames of
+/// processes that are started by hand reach every other one.
 ///
 /// # Errors
 /// If processes can't fly the scenario, the folder is used, or a file can't be written.
-pub fn prepare(request: &Request<'_>) -> Result<Vec<(NodeId, PathBuf)>, SwarmError> {
+pub fn prepare(request: &Request<'_>) -> Result<Vec<Prepared>, SwarmError> {
     check(request)?;
-    let drones = folder::prepare_by_hand(request, &*hosts(request)?)?;
-    let files = drones
-        .into_iter()
-        .map(|drone| (drone.id, request.folder.join(drone.config)));
-    Ok(files.collect())
+    let ports = open_ports(&request.scenario.plan).map_err(SwarmError::Ports)?;
+    let drones = folder::prepare_by_hand(request, &*hosts(request)?, &ports)?;
+    let prepared = drones.into_iter().map(|drone| Prepared {
+        id: drone.id,
+        file: request.folder.join(drone.config),
+        controller: drone.controller,
+    });
+    Ok(prepared.collect())
 }
 
 /// The requested hosts, or this machine.
@@ -201,8 +230,9 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
     if scenario.has_other_swarms() {
         return refuse("the scenario has several swarms; processes fly one".to_owned());
     }
-    if scenario.plan.vehicle_kind == VehicleKind::Msp {
-        let message = "`vehicle.kind` = \"msp\" flies in `muster sim`, and with a drone's file of its own; here it needs \
+    let is_far = |hosts: &Hosts| hosts.hosts.iter().any(|host| !host.is_local());
+    if scenario.plan.vehicle_kind == VehicleKind::Msp && request.hosts.is_some_and(is_far) {
+        let message = "simulated flight controllers run on this machine only; drones on other hosts need `vehicle.kind` = \
                        \"closed-form\"";
         return refuse(message.to_owned());
     }

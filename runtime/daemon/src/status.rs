@@ -137,6 +137,8 @@ pub struct VehicleStatus {
 pub struct PortStatus {
     /// Whether there is a controller.
     pub state: PortState,
+    /// What makes the controller unfit to fly, in words. Empty if it is fit. Above the stage `bench` such a drone sends no RC.
+    pub unfit: Vec<String>,
     /// Why the port was closed last. `None` if it never was.
     pub closed_by: Option<String>,
     /// How often the port was opened.

@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         .ok_or("usage: gaps SECONDS")?
         .parse()?;
     let listener = TcpListener::bind("127.0.0.1:0")?;
-    let link = Link::start(format!("tcp:{}", listener.local_addr()?).parse()?)?;
+    let link = Link::start(format!("tcp:{}", listener.local_addr()?).parse()?, None)?;
     let (arrived, arrivals) = mpsc::channel();
     let mut stream = listener.accept()?.0;
     thread::spawn(move || {

@@ -5,6 +5,7 @@
 
 mod address;
 mod command_line;
+mod fitness;
 mod link;
 mod priority;
 mod rate;

@@ -8,12 +8,15 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
+use muster_msp::check::{Finding, ReceiverMode};
 use muster_msp::{Decoder, Message, SetRawRc, TICK};
 
 pub use self::inbox::Event;
 use self::inbox::Inbox;
 use crate::address::Address;
+use crate::fitness;
 use crate::priority;
+use crate::session::{AskError, Session};
 use crate::status::Status;
 use crate::wire::Wire;
 
@@ -55,11 +58,12 @@ impl Shared {
 }
 
 impl Link {
-    /// Starts to open a port, and keeps it open.
+    /// Starts to open a port, and keeps it open. Whenever it is opened, the controller is first looked at, whether it is fit to
+    /// be flown in `mode`, unless it was armed when the port closed. `None` looks at nothing.
     ///
     /// # Errors
     /// If the system starts no threads.
-    pub fn start(address: Address) -> io::Result<Self> {
+    pub fn start(address: Address, mode: Option<ReceiverMode>) -> io::Result<Self> {
         let shared = Arc::new(Shared {
             started: Instant::now(),
             stopped: AtomicBool::new(false),
@@ -75,7 +79,7 @@ impl Link {
         link.threads.push(rc.spawn(move || write_on_time(&writer))?);
         let port = thread::Builder::new().name("port".into());
         link.threads
-            .push(port.spawn(move || keep_open(&shared, &address))?);
+            .push(port.spawn(move || keep_open(&shared, &address, mode))?);
         Ok(link)
     }
 
@@ -121,13 +125,15 @@ impl Drop for Link {
 }
 
 /// Opens the port whenever it is closed, and reads while it is open.
-fn keep_open(shared: &Shared, address: &Address) {
+fn keep_open(shared: &Shared, address: &Address, mode: Option<ReceiverMode>) {
     let mut back_off = BACK_OFF_MIN;
     while !shared.is_stopped() {
-        let error = match Wire::open(address, WAIT) {
-            Ok(wire) => {
+        // It flies: RC must not wait, and its settings were looked at on the ground.
+        let mode = mode.filter(|_| !shared.inbox().is_armed());
+        let error = match open(address, mode) {
+            Ok((wire, unfit)) => {
                 let wire = Arc::new(wire);
-                shared.inbox().open(shared.now(), wire.clone());
+                shared.inbox().open(shared.now(), wire.clone(), unfit);
                 read_while_open(shared, &wire, &mut back_off)
             }
             Err(error) => Some(error),
@@ -141,6 +147,20 @@ fn keep_open(shared: &Shared, address: &Address) {
         }
         back_off = BACK_OFF_MAX.min(2 * back_off);
     }
+}
+
+/// Opens the port. Returns what makes the controller unfit to be flown in `mode`, if it was looked at.
+fn open(address: &Address, mode: Option<ReceiverMode>) -> io::Result<(Wire, Option<Vec<Finding>>)> {
+    let Some(mode) = mode else {
+        return Ok((Wire::open(address, WAIT)?, None));
+    };
+    let mut session = Session::open(address)?;
+    let unfit = fitness::findings(&mut session, mode).map_err(|error| match error {
+        AskError::Port(error) => error,
+        error => io::Error::new(io::ErrorKind::TimedOut, error),
+    })?;
+    session.wire.set_wait(WAIT)?;
+    Ok((session.wire, Some(unfit)))
 }
 
 /// Returns why the port failed; `None` if the writer closed it, or the link ends.

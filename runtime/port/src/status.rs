@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use muster_msp::check::Finding;
 use muster_msp::{Counts, Identity};
 
 use crate::session::Latency;
@@ -27,6 +28,8 @@ pub struct Status {
     pub state: State,
     /// Who it is, since the port was opened last.
     pub identity: Option<Identity>,
+    /// What makes it unfit to fly, since the port was opened last. Empty if it is fit or was not looked at.
+    pub unfit: Vec<Finding>,
     /// Why the port was closed last.
     pub closed_by: Option<String>,
     /// How often the port was opened.

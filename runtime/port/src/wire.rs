@@ -43,6 +43,14 @@ impl Wire {
         }
     }
 
+    /// Reads wait for `wait` at most from now on.
+    pub(crate) fn set_wait(&mut self, wait: Duration) -> io::Result<()> {
+        match self {
+            Self::Serial(port) => port.set_read_timeout(wait),
+            Self::Tcp(stream) => stream.set_read_timeout(Some(wait)),
+        }
+    }
+
     /// Reads what is there; waits for a while if nothing is, and returns 0 then.
     pub(crate) fn read(&self, buffer: &mut [u8]) -> io::Result<usize> {
         let read = match self {

@@ -225,6 +225,7 @@ pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> 
         controller: controller(raw),
         restarts: RestartLimits {
             restarts_max: u32::try_from(raw.limits.restarts_max.0).unwrap_or(u32::MAX),
+            msp_restarts_max: u32::try_from(raw.limits.msp_restarts_max.0).unwrap_or(u32::MAX),
             window: Duration::from_secs_f64(raw.limits.restart_window_s.0),
             back_off: Duration::from_millis(10),
             back_off_max: Duration::from_secs(1),

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use muster_controller::{Config, Controller, Fault, Settings, Truth};
+use muster_controller::{Controller, Fault, Truth};
 use muster_machines::identity::NodeId;
 use muster_machines::msp::PortEvent;
 use muster_machines::msp::controller::LOST_AFTER;
@@ -10,17 +10,16 @@ use muster_machines::time::Timestamp;
 use muster_msp::{Conversation, Decoder, SetRawRc, Write};
 use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
-use rand::{Rng, SeedableRng};
+use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::line::Line;
 use crate::checkers::RcGaps;
+use crate::controllers::config;
 use crate::scenario::ControllerFault;
 
-/// Capacity of a battery that is not to run empty, in mAh: the most that MSP can say.
-const CAPACITY_MAX_MAH: f64 = 60_000.0;
 /// Interval at which the world looks at an aircraft in flight: meanwhile it strays by centimetres from a constant velocity.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
+pub const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// One drone's controller and its port.
 #[derive(Debug)]
@@ -68,15 +67,10 @@ impl Controllers {
             let has_controller =
                 plan.vehicle_kind == VehicleKind::Msp && id < plan.layout.formation().drones();
             self.0.push(has_controller.then(|| {
-                let mut config = Config::new(plan.home, Settings::fit());
-                config.place = place;
-                let hover_a = config.airframe.hover_a();
-                let endurance = plan.endurance.map_or(f64::INFINITY, |it| it.as_secs_f64());
-                let capacity_mah = (hover_a * endurance / 3.6).min(CAPACITY_MAX_MAH);
-                config.airframe.battery.capacity_mah = capacity_mah;
+                let config = config(plan, place);
                 Attached {
                     controller: Controller::new(config, sensors.next_u64(), Timestamp::ZERO),
-                    line: Line::new(ChaCha8Rng::seed_from_u64(lines.next_u64())),
+                    line: Line::new(lines.next_u64()),
                     conversation: Conversation::default(),
                     decoder: Decoder::default(),
                     is_open: true,
@@ -109,15 +103,15 @@ impl Controllers {
     }
 
     /// Whether a drone's controller is frozen.
-    pub(super) fn is_frozen(&self, drone: NodeId) -> bool {
+    pub(super) fn is_frozen(&self, now: Timestamp, drone: NodeId) -> bool {
         let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
-        attached.is_some_and(|it| it.frozen_until.is_some())
+        attached.is_some_and(|it| it.is_frozen(now))
     }
 
     /// Whether a drone hears nothing from its controller, which is frozen or behind a closed port.
-    pub(super) fn is_silent(&self, drone: NodeId) -> bool {
+    pub(super) fn is_silent(&self, now: Timestamp, drone: NodeId) -> bool {
         let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
-        attached.is_some_and(|it| it.frozen_until.is_some() || !it.is_open)
+        attached.is_some_and(|it| it.is_frozen(now) || now < it.closed_until)
     }
 
     /// A drone's link gives its newest RC frame; `None` stops RC.
@@ -231,6 +225,10 @@ impl Controllers {
 }
 
 impl Attached {
+    fn is_frozen(&self, now: Timestamp) -> bool {
+        self.frozen_until.is_some_and(|until| now < until)
+    }
+
     fn look_for_loss(&mut self, now: Timestamp, truth: &Truth) {
         if !truth.is_armed {
             self.heard_at = now;

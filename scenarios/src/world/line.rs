@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use muster_machines::time::Timestamp;
-use rand::RngExt;
+use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 /// Bytes on their way in one direction: 5.7 s at 115,200 baud. Further ones are lost.
@@ -36,7 +36,7 @@ struct Direction {
 
 /// A line: it may lose, alter or delay bytes, both ways alike. Bytes never overtake each other.
 #[derive(Debug)]
-pub(super) struct Line {
+pub struct Line {
     rng: ChaCha8Rng,
     lost: Lasting<f64>,
     corrupted: Lasting<f64>,
@@ -46,9 +46,11 @@ pub(super) struct Line {
 }
 
 impl Line {
-    pub(super) fn new(rng: ChaCha8Rng) -> Self {
+    /// A line without faults. `seed` draws which bytes a fault meets.
+    #[must_use]
+    pub fn new(seed: u64) -> Self {
         Self {
-            rng,
+            rng: ChaCha8Rng::seed_from_u64(seed),
             lost: Lasting::default(),
             corrupted: Lasting::default(),
             delay: Lasting::default(),
@@ -58,7 +60,7 @@ impl Line {
     }
 
     /// Loses this share of the bytes, 0 to 1.
-    pub(super) const fn lose(&mut self, share: f64, until: Timestamp) {
+    pub const fn lose(&mut self, share: f64, until: Timestamp) {
         self.lost = Lasting {
             value: share,
             until,
@@ -66,7 +68,7 @@ impl Line {
     }
 
     /// Alters this share of the bytes, 0 to 1.
-    pub(super) const fn corrupt(&mut self, share: f64, until: Timestamp) {
+    pub const fn corrupt(&mut self, share: f64, until: Timestamp) {
         self.corrupted = Lasting {
             value: share,
             until,
@@ -74,20 +76,28 @@ impl Line {
     }
 
     /// Delays all bytes.
-    pub(super) const fn delay(&mut self, by: Duration, until: Timestamp) {
+    pub const fn delay(&mut self, by: Duration, until: Timestamp) {
         self.delay = Lasting { value: by, until };
     }
 
     /// The companion writes bytes, or none. Returns those that reach the controller now.
-    pub(super) fn carry_out(&mut self, now: Timestamp, bytes: Vec<u8>) -> Vec<u8> {
+    pub fn carry_out(&mut self, now: Timestamp, bytes: Vec<u8>) -> Vec<u8> {
         let bytes = self.distort(now, bytes);
         self.to_controller.pass(now, self.delay.at(now), bytes)
     }
 
     /// The controller writes bytes, or none. Returns those that reach the companion now.
-    pub(super) fn carry_in(&mut self, now: Timestamp, bytes: Vec<u8>) -> Vec<u8> {
+    pub fn carry_in(&mut self, now: Timestamp, bytes: Vec<u8>) -> Vec<u8> {
         let bytes = self.distort(now, bytes);
         self.to_companion.pass(now, self.delay.at(now), bytes)
+    }
+
+    /// When the next delayed bytes arrive; `None` if none are on their way.
+    #[must_use]
+    pub fn next_arrival(&self) -> Option<Timestamp> {
+        let directions = [&self.to_controller, &self.to_companion];
+        let first = directions.map(|it| it.waiting.front().map(|(at, _)| *at));
+        first.into_iter().flatten().min()
     }
 
     fn distort(&mut self, now: Timestamp, mut bytes: Vec<u8>) -> Vec<u8> {
@@ -129,8 +139,6 @@ impl Direction {
 
 #[cfg(test)]
 mod tests {
-    use rand::SeedableRng;
-
     use super::*;
 
     const FOR_GOOD: Timestamp = Timestamp::from_nanos(u64::MAX);
@@ -140,7 +148,7 @@ mod tests {
     }
 
     fn line() -> Line {
-        Line::new(ChaCha8Rng::seed_from_u64(1))
+        Line::new(1)
     }
 
     #[test]
@@ -165,8 +173,10 @@ mod tests {
         let mut line = line();
         line.delay(Duration::from_millis(30), at(15));
         assert!(line.carry_out(at(10), vec![1]).is_empty());
+        assert_eq!(line.next_arrival(), Some(at(40)));
         assert!(line.carry_out(at(20), vec![2]).is_empty());
         assert_eq!(line.carry_out(at(40), vec![3]), [1, 2, 3]);
+        assert_eq!(line.next_arrival(), None);
         assert_eq!(line.carry_out(at(50), vec![4]), [4]);
     }
 

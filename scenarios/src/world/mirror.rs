@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use muster_controller::Truth;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{self, State};
 use muster_machines::msp::FlightCommand;
@@ -11,6 +12,7 @@ use muster_machines::node::{Address, Effect, Observation};
 use muster_machines::time::Timestamp;
 use muster_runtime::vehicle::VehicleState;
 
+use super::controllers::LOOK_EVERY;
 use super::event::{Event, ProcessEvent, Silence};
 use super::{Outcome, World};
 use crate::scenario::{DroneFault, Scenario};
@@ -40,8 +42,8 @@ pub enum ProcessState {
 pub(crate) struct Mirror {
     world: World,
     delay: Duration,
-    /// Faults of actors that have yet to be sent to their processes, and how long each lasts.
-    actor_faults: Vec<(NodeId, DroneFault, Option<Duration>)>,
+    /// Faults of actors and flight controllers that have yet to be injected, and how long each lasts.
+    faults: Vec<(NodeId, DroneFault, Option<Duration>)>,
     /// States of processes that the world has yet to follow.
     foreseen: BTreeMap<NodeId, ProcessState>,
     /// Processes that are being started again, with their incarnations.
@@ -56,7 +58,7 @@ impl Mirror {
         let mut mirror = Self {
             world: World::new(scenario),
             delay,
-            actor_faults: Vec::new(),
+            faults: Vec::new(),
             foreseen: BTreeMap::new(),
             booting: BTreeMap::new(),
             overruled: BTreeMap::new(),
@@ -109,6 +111,16 @@ impl Mirror {
             checkers.waits_for_take_off(drone, ballot);
         }
         self.world.execute(drone, Effect::Observe(seen));
+        self.deliver_elsewhere();
+    }
+
+    /// A drone's aircraft with a flight controller flies like this, likewise.
+    pub(crate) fn flew(&mut self, at: Timestamp, drone: NodeId, truth: &Truth) {
+        self.advance(at);
+        let scene = &mut self.world.scene;
+        let until = scene.core.now() + LOOK_EVERY;
+        let (core, air) = (&mut scene.core, &mut scene.air);
+        scene.airspace.observe(core, air, drone, truth, until);
         self.deliver_elsewhere();
     }
 
@@ -181,9 +193,9 @@ impl Mirror {
         self.world.scene.air.changes()
     }
 
-    /// The faults to inject into actors of processes since the last call, and how long each lasts.
-    pub(crate) fn take_actor_faults(&mut self) -> Vec<(NodeId, DroneFault, Option<Duration>)> {
-        std::mem::take(&mut self.actor_faults)
+    /// The faults to inject into actors and flight controllers since the last call, and how long each lasts.
+    pub(crate) fn take_faults(&mut self) -> Vec<(NodeId, DroneFault, Option<Duration>)> {
+        std::mem::take(&mut self.faults)
     }
 
     /// Whether no vehicle is in the air any more, or the time is up.
@@ -210,9 +222,13 @@ impl Mirror {
                 fault,
                 lasts,
             } => {
-                self.foreseen.remove(&drone);
+                if !matches!(fault, DroneFault::Controller(_)) {
+                    self.foreseen.remove(&drone);
+                }
                 self.world.scene.affect(drone, fault, lasts);
             }
+            // Ports are those of the processes; the world's own controllers only keep which faults they have.
+            Event::PortTick(_) => {}
             event => {
                 self.world.scene.handle(event);
             }
@@ -255,10 +271,14 @@ impl Mirror {
         let restarted = scene.processes.actor_timeout() + RESTARTED_AFTER;
         let lasts = match fault {
             // The process restarts the actor by itself, at once or after its timeout.
-            DroneFault::CrashActor(_) => return self.actor_faults.push((drone, fault, lasts)),
+            DroneFault::CrashActor(_) => return self.faults.push((drone, fault, lasts)),
             DroneFault::Hang(Some(_)) => {
-                self.actor_faults.push((drone, fault, lasts));
+                self.faults.push((drone, fault, lasts));
                 Some(lasts.map_or(restarted, |it| it.min(restarted)))
+            }
+            DroneFault::Controller(_) => {
+                self.faults.push((drone, fault, lasts));
+                lasts
             }
             DroneFault::Hang(None) => {
                 self.foreseen.insert(drone, ProcessState::Hangs);

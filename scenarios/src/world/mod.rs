@@ -45,8 +45,10 @@ use muster_machines::supervision::RestartDecision;
 use muster_machines::time::Timestamp;
 use muster_machines::{msp, routing, wire};
 
+pub use self::controllers::LOOK_EVERY;
 use self::event::Event;
 pub(crate) use self::injection::{Injection, Phase};
+pub use self::line::Line;
 use self::links::relays_frames;
 pub(crate) use self::message::{Task, What};
 pub(crate) use self::mirror::Mirror;
@@ -245,8 +247,9 @@ impl World {
         let mut found = controllers.rc_gaps();
         let found = found.find_map(|(drone, gaps)| gaps.check(core.timeline.now(), drone));
         core.checkers.report(found);
-        let (vehicles, closest_m) =
-            (self.scene.airspace).finish(core, |id| controllers.is_frozen(id));
+        let now = core.now();
+        let is_stuck = |id| controllers.is_frozen(now, id);
+        let (vehicles, closest_m) = (self.scene.airspace).finish(core, is_stuck);
         let ended = self.scene.core.now();
         let mut vehicles = vehicles.into_iter();
         let swarms = self.scene.core.swarms.finish().map(|(recorder, nodes)| {

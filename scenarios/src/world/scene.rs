@@ -53,7 +53,8 @@ impl Scene {
     /// Whether a drone will soon be told by its flight controller that it has landed.
     fn has_yet_to_learn(&self, drone: NodeId) -> bool {
         let state = self.core.swarms.of(drone).recorder.state(drone);
-        let can_learn = self.processes[drone].runs() && !self.controllers.is_silent(drone);
+        let can_learn =
+            self.processes[drone].runs() && !self.controllers.is_silent(self.core.now(), drone);
         can_learn && state == mission::State::Landing
     }
 

@@ -1,18 +1,15 @@
 use std::fs::File;
-use std::io::{self, ErrorKind, Read, Write};
+use std::io;
 use std::net::{SocketAddr, TcpListener};
-use std::os::fd::AsFd;
 use std::os::unix::ffi::OsStrExt;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
 
 use clap::Args;
-use muster_controller::{Config, Controller, Settings};
+use muster_controller::{Config, Settings};
+use muster_deploy::controller::{LiveController, Server};
 use muster_machines::geodetic::Geodetic;
-use muster_machines::time::Timestamp;
 use muster_runtime::diagnostic::BadInput;
-use muster_scenarios::scenario;
-use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use muster_scenarios::{controllers, scenario};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
@@ -21,9 +18,6 @@ use crate::command::terminal;
 
 /// Where the simulated aircraft stands without a scenario: degrees north and east, metres above sea level.
 const PLACE: [f64; 3] = [39.48, -0.34, 20.0];
-
-/// Longest time without a look at the line.
-const PAUSE: Duration = Duration::from_millis(100);
 
 /// Simulate a flight controller with its aircraft, in real time.
 ///
@@ -60,16 +54,14 @@ struct Line {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let mut bench = Bench {
-        start: Instant::now(),
-        controller: Controller::new(configure(arguments)?, arguments.seed, Timestamp::ZERO),
-    };
+    let controller = LiveController::start(configure(arguments)?, arguments.seed);
+    let server = controller.server();
     if let Some(address) = arguments.line.listen {
-        let source = listen(&mut bench, address);
+        let source = listen(&server, address);
         source.map_err(|source| ControllerError::Listen { address, source })?;
     }
     if let Some(link) = &arguments.line.pty {
-        open_pty(&mut bench, link).map_err(|source| ControllerError::Pty {
+        open_pty(&server, link).map_err(|source| ControllerError::Pty {
             link: link.clone(),
             source,
         })?;
@@ -91,70 +83,20 @@ fn configure(arguments: &Arguments) -> Result<Config, BadInput> {
         let help = format!("its drones have the numbers 0 to {}", drones - 1);
         return Err(BadInput::without_excerpt(path, message, help));
     };
-    let mut config = Config::new(plan.home, Settings::fit());
-    config.place = place;
-    Ok(config)
+    Ok(controllers::config(&plan, place))
 }
 
-/// A controller on the clock of this machine.
-struct Bench {
-    start: Instant,
-    controller: Controller,
-}
-
-impl Bench {
-    fn now(&self) -> Timestamp {
-        Timestamp::ZERO + self.start.elapsed()
-    }
-
-    /// Carries bytes until the line is closed. Bytes that the reader doesn't take are lost, as on a serial line.
-    fn serve(&mut self, mut line: impl Read + Write + AsFd) -> io::Result<()> {
-        rustix::io::ioctl_fionbio(&line, true)?;
-        let mut bytes = [0; 1_024];
-        loop {
-            let now = self.now();
-            let due = self.controller.next_event();
-            let pause = due.map_or(PAUSE, |due| due.since(now).min(PAUSE));
-            let pause = Timespec::try_from(pause).expect("a short pause");
-            let mut polled = [PollFd::new(&line, PollFlags::IN)];
-            poll(&mut polled, Some(&pause))?;
-            match line.read(&mut bytes) {
-                Ok(0) => return Ok(()),
-                Ok(count) => self.controller.receive(self.now(), &bytes[..count]),
-                Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-                Err(error) => return Err(error),
-            }
-            let replies = self.controller.transmit(self.now());
-            match line.write(&replies) {
-                Err(error) if error.kind() != ErrorKind::WouldBlock => return Err(error),
-                Ok(_) | Err(_) => {}
-            }
-        }
-    }
-}
-
-fn listen(bench: &mut Bench, address: SocketAddr) -> io::Result<()> {
+fn listen(server: &Server, address: SocketAddr) -> io::Result<()> {
     let listener = TcpListener::bind(address)?;
     let address = listener.local_addr()?;
     terminal::print(&format!("simulated controller on tcp:{address}\n"))?;
-    listener.set_nonblocking(true)?;
-    loop {
-        // Meanwhile its aircraft moves on: it may be in the air.
-        bench.controller.advance(bench.now());
-        let mut polled = [PollFd::new(&listener, PollFlags::IN)];
-        let pause = Timespec::try_from(PAUSE).expect("a short pause");
-        if poll(&mut polled, Some(&pause))? == 0 {
-            continue;
-        }
-        let (stream, _) = listener.accept()?;
-        // A connection that breaks is closed: the next one may come.
-        if let Err(error) = stream.set_nodelay(true).and_then(|()| bench.serve(&stream)) {
-            terminal::print(&format!("connection lost: {error}\n"))?;
-        }
-    }
+    server.listen(&listener, |error| {
+        // Without standard output nobody reads it.
+        let _ = terminal::print(&format!("connection lost: {error}\n"));
+    })
 }
 
-fn open_pty(bench: &mut Bench, link: &Path) -> io::Result<()> {
+fn open_pty(server: &Server, link: &Path) -> io::Result<()> {
     let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
     grantpt(&master)?;
     unlockpt(&master)?;
@@ -171,5 +113,5 @@ fn open_pty(bench: &mut Bench, link: &Path) -> io::Result<()> {
     std::os::unix::fs::symlink(device, link)?;
     let (link, device) = (link.display(), device.display());
     terminal::print(&format!("simulated controller on {link} ({device})\n"))?;
-    bench.serve(File::from(master))
+    server.serve(File::from(master))
 }

@@ -30,7 +30,7 @@ pub(super) struct Arguments {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let Device { address, json } = &arguments.device;
-    let link = Link::start(address.clone())?;
+    let link = Link::start(address.clone(), None)?;
     let repaints = !json && io::stdout().is_terminal();
     let started = Instant::now();
     let end = arguments.seconds.map(Duration::from_secs);
@@ -70,7 +70,7 @@ impl View {
             match link.next_event(left) {
                 Some(Event::Identified(identity)) => self.identity = identity,
                 Some(Event::Telemetry(telemetry)) => self.take_telemetry(telemetry),
-                Some(Event::Closed(_)) | None => {}
+                Some(Event::Closed(_) | Event::Unfit(_)) | None => {}
             }
         }
     }

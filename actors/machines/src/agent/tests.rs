@@ -218,6 +218,7 @@ fn host(
         telemetry: SECOND,
         restarts: RestartLimits {
             restarts_max: 2,
+            msp_restarts_max: 2,
             window: 60 * SECOND,
             back_off: SECOND,
             back_off_max: SECOND,

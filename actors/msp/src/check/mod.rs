@@ -10,7 +10,7 @@ mod receiver;
 
 use std::fmt;
 
-use crate::configuration::Configuration;
+use crate::configuration::{Configuration, Identity};
 use crate::message::FeatureConfig;
 
 /// How the controller is to be flown.
@@ -56,6 +56,27 @@ pub struct Finding {
     pub set: String,
 }
 
+impl Finding {
+    /// Whether it only says that the override's settings were not read: no message has them up to Betaflight 4.6.
+    #[must_use]
+    pub fn is_unread_override(&self) -> bool {
+        self.rule == receiver::OVERRIDE_UNREAD
+    }
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            rule,
+            what,
+            found,
+            set,
+        } = self;
+        let set = set.replace('\n', ", ");
+        write!(f, "{rule}: {what}; found: {found}; set: {set}")
+    }
+}
+
 /// What the rules collect.
 #[derive(Debug, Default)]
 struct Findings(Vec<Finding>);
@@ -85,6 +106,14 @@ pub fn check(configuration: &Configuration, mode: ReceiverMode) -> Vec<Finding> 
     failsafe::check(configuration, &mut findings);
     modes::check(configuration, mode, &mut findings);
     power::check(configuration, &mut findings);
+    findings.0
+}
+
+/// The rules that a controller breaks by its firmware, if it is to be flown in `mode`. No setting mends them.
+#[must_use]
+pub fn check_firmware(identity: &Identity, mode: ReceiverMode) -> Vec<Finding> {
+    let mut findings = Findings::default();
+    receiver::check_firmware(identity, mode, &mut findings);
     findings.0
 }
 

@@ -2,14 +2,17 @@
 
 use super::{Findings, ReceiverMode};
 use crate::channels::Channel;
-use crate::configuration::{Configuration, OverrideSettings};
+use crate::configuration::{Configuration, Identity, OverrideSettings};
 use crate::message::{FeatureConfig, Mode, RxMap};
+
+/// Name of the rule that the override's settings, which no message has, must have been read.
+pub(super) const OVERRIDE_UNREAD: &str = "override-unread";
 
 /// The receiver's channels of the four sticks in a mask.
 const STICKS: u32 = 0b1111;
 
 pub(super) fn check(configuration: &Configuration, mode: ReceiverMode, findings: &mut Findings) {
-    check_firmware(configuration, findings);
+    check_firmware(&configuration.identity, mode, findings);
     check_channels(configuration, findings);
     let is_sole = configuration.features.has(FeatureConfig::RX_MSP);
     match mode {
@@ -24,14 +27,21 @@ pub(super) fn check(configuration: &Configuration, mode: ReceiverMode, findings:
     }
 }
 
-fn check_firmware(configuration: &Configuration, findings: &mut Findings) {
-    let identity = &configuration.identity;
+pub(super) fn check_firmware(identity: &Identity, mode: ReceiverMode, findings: &mut Findings) {
     if identity.variant.variant.0 != *b"BTFL" {
         findings.add(
             "firmware",
             "these rules are for Betaflight",
             identity.variant.variant,
             "flash Betaflight",
+        );
+    }
+    if mode == ReceiverMode::Override && !identity.override_falls_back() {
+        findings.add(
+            "override-fallback",
+            "it holds the last override for ever if the sender dies",
+            format!("Betaflight {}", identity.version),
+            "flash Betaflight 2026.6 or newer",
         );
     }
 }
@@ -103,18 +113,10 @@ fn check_override(configuration: &Configuration, is_sole: bool, findings: &mut F
     if !identity.board.is_simulation() {
         check_pilot(configuration, is_sole, findings);
     }
-    if !identity.override_falls_back() {
-        findings.add(
-            "override-fallback",
-            "it holds the last override for ever if the sender dies",
-            format!("Betaflight {}", identity.version),
-            "flash Betaflight 2026.6 or newer",
-        );
-    }
     match configuration.override_settings {
         Some(settings) => check_override_settings(settings, findings),
         None if identity.boxes.modes.contains(&Mode::MspOverride) => findings.add(
-            "override-unread",
+            OVERRIDE_UNREAD,
             "only the command line has the override's settings",
             "not read",
             "muster fc check --cli",

@@ -99,8 +99,8 @@ pub struct DroneConfig {
 #[derive(Debug)]
 pub(crate) struct ControllerConfig {
     pub(crate) port: Address,
-    stage: Stage,
-    receiver: Receiver,
+    pub(crate) stage: Stage,
+    pub(crate) receiver: Receiver,
 }
 
 /// Returns the text of the file at a path.

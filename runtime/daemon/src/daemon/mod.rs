@@ -251,7 +251,7 @@ async fn open_vehicle(
 ) -> Result<Option<OpenedVehicle>, DaemonError> {
     let mut control_messages = start.is_controlled.then(tasks::control_messages);
     if let Some(controller) = &config.controller {
-        let opened = vehicle::controlled(controller.port.clone());
+        let opened = vehicle::controlled(controller);
         let (vehicle, port_events) = opened.map_err(DaemonError::Runtime)?;
         return Ok(Some(OpenedVehicle {
             vehicle,

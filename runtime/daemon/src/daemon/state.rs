@@ -197,8 +197,9 @@ impl State {
     /// An event of the port to the flight controller.
     pub(super) fn port_told(&mut self, now: Timestamp, event: PortEvent) {
         self.introduce_port(now);
-        self.vehicle.port_told(&event);
-        self.post_port_event(now, event);
+        if self.vehicle.port_told(&event) {
+            self.post_port_event(now, event);
+        }
     }
 
     fn post_port_event(&mut self, now: Timestamp, event: PortEvent) -> bool {

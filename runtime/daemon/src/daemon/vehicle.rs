@@ -5,12 +5,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use muster_machines::geometry::{Ned, Velocity};
+use muster_machines::msp::controller::{Receiver, Stage};
 use muster_machines::msp::{FlightCommand, PortEvent, Telemetry};
 use muster_machines::time::Timestamp;
+use muster_msp::check::{Finding, ReceiverMode};
 use muster_msp::{SetRawRc, Status, Telemetry as Told};
-use muster_port::{Address, Event, Link, State};
+use muster_port::{Event, Link, State};
 use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use tokio::sync::mpsc;
+
+use crate::config::ControllerConfig;
 
 /// Events of a port that wait for the drone's thread. While they are full the port drops its oldest.
 const EVENTS_MAX: usize = 64;
@@ -28,6 +32,8 @@ pub(super) enum Vehicle {
 /// A flight controller behind a port.
 pub(super) struct Controlled {
     port: Arc<Link>,
+    /// Whether the drone may fly it. In the stage `bench` it may not, and any settings will do.
+    flies: bool,
     /// What the navigation was told last.
     telemetry: Telemetry,
     /// The controller's newest status since it said who it is.
@@ -82,14 +88,24 @@ impl Vehicle {
         }
     }
 
-    /// An event of the port is on its way to the link.
-    pub(super) fn port_told(&mut self, event: &PortEvent) {
+    /// An event of the port. Returns whether it is for the link.
+    pub(super) fn port_told(&mut self, event: &PortEvent) -> bool {
         if let Self::Controlled(controlled) = self {
             match event {
                 PortEvent::Told(Told::Status(status)) => controlled.status = Some(status.clone()),
                 PortEvent::Told(_) => {}
                 PortEvent::Identified(_) | PortEvent::Closed => controlled.status = None,
             }
+        }
+        *event == PortEvent::Closed || self.refused().is_empty()
+    }
+
+    /// Why the flight controller is refused: it is not fit to fly. Its link is not told who it is, so that it sends no RC.
+    /// Empty if it is not refused.
+    pub(super) fn refused(&self) -> Vec<Finding> {
+        match self {
+            Self::Controlled(controlled) if controlled.flies => controlled.port.status().unfit,
+            Self::Controlled(_) | Self::Simulated(_) => Vec::new(),
         }
     }
 
@@ -99,7 +115,7 @@ impl Vehicle {
         let (Self::Controlled(controlled), Some(port)) = (self, self.port()) else {
             return Vec::new();
         };
-        let Some(identity) = port.identity else {
+        let Some(identity) = port.identity.filter(|_| self.refused().is_empty()) else {
             return Vec::new();
         };
         let mut events = vec![PortEvent::Identified(Box::new(identity))];
@@ -139,8 +155,12 @@ pub(super) type PortEvents = mpsc::Receiver<PortEvent>;
 ///
 /// # Errors
 /// If the system starts no threads.
-pub(super) fn controlled(address: Address) -> io::Result<(Vehicle, PortEvents)> {
-    let port = Arc::new(Link::start(address)?);
+pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, PortEvents)> {
+    let mode = match config.receiver {
+        Receiver::Sole => ReceiverMode::Sole,
+        Receiver::Override => ReceiverMode::Override,
+    };
+    let port = Arc::new(Link::start(config.port.clone(), Some(mode))?);
     let (sender, events) = mpsc::channel(EVENTS_MAX);
     let source = Arc::downgrade(&port);
     std::thread::Builder::new()
@@ -149,7 +169,7 @@ pub(super) fn controlled(address: Address) -> io::Result<(Vehicle, PortEvents)> 
             while let Some(port) = source.upgrade()
                 && !sender.is_closed()
             {
-                let event = port.next_event(WAIT).map(told);
+                let event = port.next_event(WAIT).and_then(told);
                 drop(port);
                 if event.is_some_and(|event| sender.blocking_send(event).is_err()) {
                     return;
@@ -169,14 +189,22 @@ pub(super) fn controlled(address: Address) -> io::Result<(Vehicle, PortEvents)> 
     };
     let vehicle = Vehicle::Controlled(Controlled {
         port,
+        flies: config.stage != Stage::Bench,
         telemetry,
         status: None,
     });
     Ok((vehicle, events))
 }
 
-fn told(event: Event) -> PortEvent {
-    match event {
+/// Logs an event, and returns it for the link.
+fn told(event: Event) -> Option<PortEvent> {
+    Some(match event {
+        Event::Unfit(findings) => {
+            for finding in findings {
+                tracing::warn!("the flight controller is not fit to fly: {finding}");
+            }
+            return None;
+        }
         Event::Identified(identity) => {
             let (board, version) = (identity.board.board, &identity.version);
             tracing::info!(%board, major = version.major, minor = version.minor, "flight controller");
@@ -187,5 +215,5 @@ fn told(event: Event) -> PortEvent {
             PortEvent::Closed
         }
         Event::Telemetry(telemetry) => PortEvent::Told(telemetry),
-    }
+    })
 }

@@ -5,7 +5,10 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_msp::{BadAnswer, Conversation, Counts, Direction, Frame, Identity, Telemetry, Write};
+use muster_msp::check::Finding;
+use muster_msp::{
+    BadAnswer, Conversation, Counts, Direction, Frame, Identity, Mode, Telemetry, Write,
+};
 
 use super::RC;
 use crate::rate::Rate;
@@ -21,6 +24,8 @@ const SILENT: Duration = Duration::from_millis(500);
 /// What happened.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
+    /// The controller is not fit to fly. Comes before [`Event::Identified`].
+    Unfit(Vec<Finding>),
     /// The controller said who it is.
     Identified(Identity),
     /// The port was closed, or could not be opened.
@@ -38,6 +43,7 @@ pub(super) struct Inbox {
     pub(super) counts: Counts,
     pub(super) is_realtime: bool,
     is_identified: bool,
+    is_armed: bool,
     latency: Latency,
     status: Status,
     heard: Duration,
@@ -48,13 +54,19 @@ pub(super) struct Inbox {
 }
 
 impl Inbox {
-    pub(super) fn open(&mut self, now: Duration, wire: Arc<Wire>) {
+    pub(super) fn open(&mut self, now: Duration, wire: Arc<Wire>, unfit: Option<Vec<Finding>>) {
         self.conversation.reopen(now);
         self.wire = Some(wire);
         self.is_identified = false;
         self.latency = Latency::default();
         self.heard = now;
         self.status.opened += 1;
+        if let Some(unfit) = unfit {
+            if !unfit.is_empty() {
+                self.push(Event::Unfit(unfit.clone()));
+            }
+            self.status.unfit = unfit;
+        }
     }
 
     pub(super) fn close(&mut self, error: &io::Error) {
@@ -102,7 +114,10 @@ impl Inbox {
         };
         self.latency.add(delay);
         match told {
-            Ok(Some(telemetry)) => self.push(Event::Telemetry(telemetry)),
+            Ok(Some(telemetry)) => {
+                self.look_for_arming(&telemetry);
+                self.push(Event::Telemetry(telemetry));
+            }
             Ok(None) => {}
             Err(BadAnswer::Refused) => self.status.refused += 1,
             Err(BadAnswer::Malformed(_)) => self.status.malformed += 1,
@@ -112,6 +127,19 @@ impl Inbox {
         {
             self.is_identified = true;
             self.push(Event::Identified(identity));
+        }
+    }
+
+    /// Whether the controller was armed when it told so last.
+    pub(super) const fn is_armed(&self) -> bool {
+        self.is_armed
+    }
+
+    fn look_for_arming(&mut self, telemetry: &Telemetry) {
+        if let (Telemetry::Status(status), Some(identity)) =
+            (telemetry, self.conversation.identity())
+        {
+            self.is_armed = identity.boxes.is_active(Mode::Arm, status.modes()) == Some(true);
         }
     }
 

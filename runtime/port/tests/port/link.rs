@@ -36,7 +36,7 @@ fn fly(link: &Link, duration: Duration) {
 #[test]
 fn a_link_identifies_its_controller_and_brings_telemetry() {
     for controller in [Controller::on_tcp(KIND), Controller::on_a_serial_line(KIND)] {
-        let link = Link::start(controller.address.clone()).expect("threads");
+        let link = Link::start(controller.address.clone(), None).expect("threads");
         let identified = wait_for(&link, |it| matches!(it, Event::Identified(_)));
         let Event::Identified(identity) = identified else {
             unreachable!("it was waited for");
@@ -57,7 +57,7 @@ fn a_link_identifies_its_controller_and_brings_telemetry() {
 #[test]
 fn a_refused_question_is_asked_once() {
     let controller = Controller::on_tcp(KIND);
-    let link = Link::start(controller.address.clone()).expect("threads");
+    let link = Link::start(controller.address.clone(), None).expect("threads");
     let attitude = Event::Telemetry(Telemetry::Attitude(ATTITUDE));
     for _ in 0..10 {
         wait_for(&link, |it| *it == attitude);
@@ -78,7 +78,7 @@ fn a_lost_port_is_opened_again_and_rc_goes_on() {
         frames_max: 40,
         ..KIND
     });
-    let link = Link::start(controller.address.clone()).expect("threads");
+    let link = Link::start(controller.address.clone(), None).expect("threads");
     wait_for(&link, |it| matches!(it, Event::Identified(_)));
     fly(&link, Duration::from_millis(600));
     wait_for(&link, |it| matches!(it, Event::Closed(_)));
@@ -95,7 +95,7 @@ fn unanswered_questions_delay_no_rc_and_rc_stops_when_sticks_do() {
         answers: false,
         ..KIND
     });
-    let link = Link::start(controller.address.clone()).expect("threads");
+    let link = Link::start(controller.address.clone(), None).expect("threads");
     fly(&link, Duration::from_secs(2));
     let stopped = Instant::now();
     // Twice as long as sticks are repeated.
@@ -128,7 +128,8 @@ fn a_port_that_is_not_there_is_reported_once_and_tried_again() {
     let listener = std::net::TcpListener::bind("127.0.0.1:0").expect("a free port");
     let address = listener.local_addr().expect("it is bound");
     drop(listener);
-    let link = Link::start(format!("tcp:{address}").parse().expect("a port")).expect("threads");
+    let link =
+        Link::start(format!("tcp:{address}").parse().expect("a port"), None).expect("threads");
     wait_for(&link, |it| matches!(it, Event::Closed(_)));
     assert_eq!(link.next_event(Duration::from_millis(400)), None);
     assert_eq!(link.status().state, State::Closed);

@@ -40,9 +40,13 @@ pub struct Limits {
     /// Most messages that wait for an actor.
     #[serde(default)]
     pub waiting_max: Or<Whole<8, 1_000_000>, 64>,
-    /// Most restarts of one actor within `restart_window_s`; after more the drone lands.
+    /// Most restarts of one actor within `restart_window_s`, except `msp`; after more the drone lands.
     #[serde(default)]
     pub restarts_max: Or<Whole<0, 1_000_000>, 5>,
+    /// Most restarts of the actor `msp` within `restart_window_s`; after more the drone lands. It restarts at once: sticks are
+    /// repeated meanwhile.
+    #[serde(default)]
+    pub msp_restarts_max: Or<Whole<0, 1_000_000>, 100>,
     /// Hang after which a supervisor restarts an actor.
     #[serde(default)]
     pub hang_ms: Or<Milliseconds, 1_000>,

@@ -92,6 +92,11 @@ impl State {
                 ));
             }
         }
+        for finding in self.vehicle.refused() {
+            faults.push(format!(
+                "the flight controller is not fit to fly: {finding}"
+            ));
+        }
         if self.durable.failures > 0 {
             faults.push("the journal can't be written: the drone lands".to_owned());
         } else if self.outcome.landing() == Some(LandingReason::JournalLost) {
@@ -188,6 +193,7 @@ fn port(status: muster_port::Status) -> PortStatus {
             muster_port::State::Open => PortState::Open,
             muster_port::State::Silent => PortState::Silent,
         },
+        unfit: status.unfit.iter().map(ToString::to_string).collect(),
         closed_by: status.closed_by,
         opened: status.opened,
         latency_s: status.latency.mean().as_secs_f64(),

@@ -1,0 +1,252 @@
+//! A simulated flight controller on the clock of this machine, at the other end of a line.
+
+use std::io::{self, ErrorKind, Read, Write};
+use std::net::TcpListener;
+use std::os::fd::AsFd;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
+use std::time::{Duration, Instant};
+
+use muster_controller::{Config, Controller, Fault, Truth};
+use muster_machines::time::Timestamp;
+use muster_scenarios::controllers::Line;
+use muster_scenarios::scenario::ControllerFault;
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+
+/// Longest time without a look at the line.
+const PAUSE: Duration = Duration::from_millis(100);
+
+/// A simulated flight controller and its aircraft. They move on whenever somebody looks.
+#[derive(Debug)]
+pub struct LiveController(Arc<Mutex<Live>>);
+
+/// What serves the line of a [`LiveController`], until that is dropped.
+#[derive(Debug)]
+pub struct Server(Weak<Mutex<Live>>);
+
+#[derive(Debug)]
+struct Live {
+    started: Instant,
+    controller: Controller,
+    line: Line,
+    /// When the line can be opened again.
+    closed_until: Timestamp,
+    /// When the firmware goes on. `None` if it runs.
+    frozen_until: Option<Timestamp>,
+    /// When the battery's voltage is back. `None` if it is there.
+    sags_until: Option<Timestamp>,
+}
+
+impl LiveController {
+    /// A controller that starts now. `seed` draws the errors of its sensors, and the bytes that faults of its line meet.
+    #[must_use]
+    pub fn start(config: Config, seed: u64) -> Self {
+        Self(Arc::new(Mutex::new(Live {
+            started: Instant::now(),
+            controller: Controller::new(config, seed, Timestamp::ZERO),
+            line: Line::new(seed),
+            closed_until: Timestamp::ZERO,
+            frozen_until: None,
+            sags_until: None,
+        })))
+    }
+
+    /// What serves its line. One line at a time.
+    #[must_use]
+    pub fn server(&self) -> Server {
+        Server(Arc::downgrade(&self.0))
+    }
+
+    /// The truth about its aircraft now.
+    #[must_use]
+    pub fn truth(&self) -> Truth {
+        let mut live = lock(&self.0);
+        let now = live.recover();
+        live.controller.aircraft(now)
+    }
+
+    /// Injects a fault now, for so long or for good.
+    pub fn affect(&self, fault: ControllerFault, lasts: Option<Duration>) {
+        lock(&self.0).affect(fault, lasts);
+    }
+}
+
+impl Server {
+    /// Serves TCP connections, one after the other, until the controller is dropped. `told` takes why a connection failed.
+    ///
+    /// # Errors
+    /// If the system accepts no connections.
+    pub fn listen(
+        &self,
+        listener: &TcpListener,
+        mut told: impl FnMut(io::Error),
+    ) -> io::Result<()> {
+        listener.set_nonblocking(true)?;
+        while let Some(live) = self.0.upgrade() {
+            // Meanwhile its aircraft moves on: it may be in the air.
+            lock(&live).advance();
+            drop(live);
+            if wait(listener, PAUSE)? {
+                let (stream, _) = listener.accept()?;
+                if let Err(error) = stream.set_nodelay(true).and_then(|()| self.serve(&stream)) {
+                    told(error);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Carries bytes until the line is closed, by the other end or a fault, or the controller is dropped. Bytes that the
+    /// reader doesn't take are lost, as on a serial line.
+    ///
+    /// # Errors
+    /// If the line fails.
+    pub fn serve(&self, mut line: impl Read + Write + AsFd) -> io::Result<()> {
+        rustix::io::ioctl_fionbio(&line, true)?;
+        let mut bytes = [0; 1_024];
+        let mut pause = Duration::ZERO;
+        loop {
+            wait(&line, pause)?;
+            let count = match line.read(&mut bytes) {
+                Ok(0) => return Ok(()),
+                Ok(count) => count,
+                Err(error) if error.kind() == ErrorKind::WouldBlock => 0,
+                Err(error) => return Err(error),
+            };
+            let Some(live) = self.0.upgrade() else {
+                return Ok(());
+            };
+            let carried = lock(&live).carry(bytes[..count].to_vec());
+            let Some((sent, next)) = carried else {
+                return Ok(());
+            };
+            pause = next;
+            match line.write(&sent) {
+                Err(error) if error.kind() != ErrorKind::WouldBlock => return Err(error),
+                Ok(_) | Err(_) => {}
+            }
+        }
+    }
+}
+
+impl Live {
+    fn advance(&mut self) {
+        let now = self.recover();
+        self.controller.advance(now);
+    }
+
+    /// Carries what was written. Returns what arrives from the controller, and how long the line may be left alone; `None` if
+    /// it is closed.
+    fn carry(&mut self, written: Vec<u8>) -> Option<(Vec<u8>, Duration)> {
+        let now = self.recover();
+        if now < self.closed_until {
+            return None;
+        }
+        let arrived = self.line.carry_out(now, written);
+        if !arrived.is_empty() {
+            self.controller.receive(now, &arrived);
+        }
+        let sent = self.controller.transmit(now);
+        let sent = self.line.carry_in(now, sent);
+        let due = [self.controller.next_event(), self.line.next_arrival()];
+        let due = due.into_iter().flatten().min();
+        Some((sent, due.map_or(PAUSE, |due| due.since(now).min(PAUSE))))
+    }
+
+    fn now(&self) -> Timestamp {
+        Timestamp::ZERO + self.started.elapsed()
+    }
+
+    /// Ends the faults of the controller that are over. Returns the time.
+    fn recover(&mut self) -> Timestamp {
+        let now = self.now();
+        if self.frozen_until.take_if(|until| *until <= now).is_some() {
+            self.controller.fault(now, Fault::Frozen(false));
+        }
+        if self.sags_until.take_if(|until| *until <= now).is_some() {
+            self.controller.fault(now, Fault::Sag(0.0));
+        }
+        now
+    }
+
+    fn affect(&mut self, fault: ControllerFault, lasts: Option<Duration>) {
+        let now = self.recover();
+        let until = now + lasts.unwrap_or(Duration::MAX);
+        match fault {
+            ControllerFault::Freeze => {
+                self.controller.fault(now, Fault::Frozen(true));
+                self.frozen_until = Some(until);
+            }
+            ControllerFault::ClosePort => self.closed_until = until,
+            ControllerFault::LoseBytes(share) => self.line.lose(share, until),
+            ControllerFault::CorruptBytes(share) => self.line.corrupt(share, until),
+            ControllerFault::DelayBytes(by) => self.line.delay(by, until),
+            ControllerFault::SagBattery(volts) => {
+                self.controller.fault(now, Fault::Sag(volts));
+                self.sags_until = Some(until);
+            }
+        }
+    }
+}
+
+/// A thread that panicked has moved the controller as a whole, or not at all.
+fn lock(live: &Mutex<Live>) -> MutexGuard<'_, Live> {
+    live.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Waits until there is something to read or accept. Returns whether there is.
+fn wait(source: &impl AsFd, pause: Duration) -> io::Result<bool> {
+    let pause = Timespec::try_from(pause).expect("a short pause");
+    let mut polled = [PollFd::new(source, PollFlags::IN)];
+    Ok(poll(&mut polled, Some(&pause))? > 0)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpStream;
+
+    use muster_controller::Settings;
+    use muster_machines::geodetic::Geodetic;
+    use muster_msp::{Attitude, Version, request};
+
+    use super::*;
+
+    fn start() -> (LiveController, std::net::SocketAddr) {
+        let place = Geodetic::new(39.48, -0.34, 20.0).unwrap();
+        let controller = LiveController::start(Config::new(place, Settings::fit()), 1);
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = listener.local_addr().unwrap();
+        let server = controller.server();
+        std::thread::spawn(move || server.listen(&listener, drop));
+        (controller, address)
+    }
+
+    /// Asks a question. Returns whether an answer came before the connection was closed.
+    fn answers(stream: &mut TcpStream) -> bool {
+        let mut question = Vec::new();
+        request::<Attitude>(Version::V1, &mut question).unwrap();
+        let read = |stream: &mut TcpStream| stream.read(&mut [0; 64]);
+        stream.write_all(&question).is_ok() && read(stream).is_ok_and(|count| count > 0)
+    }
+
+    #[test]
+    fn fault_closes_the_port_and_its_end_opens_it() {
+        let (controller, address) = start();
+        let mut stream = TcpStream::connect(address).unwrap();
+        assert!(answers(&mut stream));
+        controller.affect(ControllerFault::ClosePort, None);
+        assert!(!answers(&mut stream));
+        assert!(!answers(&mut TcpStream::connect(address).unwrap()));
+        controller.affect(ControllerFault::ClosePort, Some(Duration::ZERO));
+        assert!(answers(&mut TcpStream::connect(address).unwrap()));
+    }
+
+    #[test]
+    fn dropped_controller_ends_its_server() {
+        let (controller, address) = start();
+        let mut stream = TcpStream::connect(address).unwrap();
+        assert!(answers(&mut stream));
+        drop(controller);
+        // The end of the connection is read without an error.
+        while stream.read(&mut [0; 64]).unwrap() > 0 {}
+    }
+}

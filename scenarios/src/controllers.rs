@@ -1,0 +1,22 @@
+//! Simulated flight controllers of a scenario's drones, in a world or beside processes.
+
+use muster_controller::{Config, Settings};
+use muster_machines::geometry::Ned;
+use muster_runtime::plan::Plan;
+
+pub use crate::world::{LOOK_EVERY, Line};
+
+/// Capacity of a battery that is not to run empty, in mAh: the most that MSP can say.
+const CAPACITY_MAX_MAH: f64 = 60_000.0;
+
+/// The controller and the aircraft of a plan's drone that stands at `place`.
+#[must_use]
+pub fn config(plan: &Plan, place: Ned) -> Config {
+    let mut config = Config::new(plan.home, Settings::fit());
+    config.place = place;
+    let hover_a = config.airframe.hover_a();
+    let endurance = plan.endurance.map_or(f64::INFINITY, |it| it.as_secs_f64());
+    let capacity_mah = (hover_a * endurance / 3.6).min(CAPACITY_MAX_MAH);
+    config.airframe.battery.capacity_mah = capacity_mah;
+    config
+}
