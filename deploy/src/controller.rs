@@ -12,6 +12,8 @@ use muster_scenarios::controllers::Line;
 use muster_scenarios::scenario::ControllerFault;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
+use crate::PoseSource;
+
 /// Longest time without a look at the line.
 const PAUSE: Duration = Duration::from_millis(100);
 
@@ -54,6 +56,20 @@ impl LiveController {
     #[must_use]
     pub fn server(&self) -> Server {
         Server(Arc::downgrade(&self.0))
+    }
+
+    /// Tells a drone where its aircraft is, until it is dropped.
+    ///
+    /// # Errors
+    /// If the system has no socket or starts no thread.
+    pub fn measure_pose(&self, source: PoseSource) -> io::Result<()> {
+        let live = Arc::downgrade(&self.0);
+        source.start(move || {
+            let live = live.upgrade()?;
+            let mut live = lock(&live);
+            let now = live.recover();
+            Some(live.controller.aircraft(now).position)
+        })
     }
 
     /// The truth about its aircraft now.
@@ -188,13 +204,13 @@ impl Live {
     }
 }
 
-/// A thread that panicked has moved the controller as a whole, or not at all.
-fn lock(live: &Mutex<Live>) -> MutexGuard<'_, Live> {
+/// A thread that panicked has moved what is locked as a whole, or not at all.
+pub(crate) fn lock<T>(live: &Mutex<T>) -> MutexGuard<'_, T> {
     live.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Waits until there is something to read or accept. Returns whether there is.
-fn wait(source: &impl AsFd, pause: Duration) -> io::Result<bool> {
+pub(crate) fn wait(source: &impl AsFd, pause: Duration) -> io::Result<bool> {
     let pause = Timespec::try_from(pause).expect("a short pause");
     let mut polled = [PollFd::new(source, PollFlags::IN)];
     Ok(poll(&mut polled, Some(&pause))? > 0)

@@ -1,8 +1,8 @@
 //! Simulated flight controllers of a scenario's drones, in a world or beside processes.
 
-use muster_controller::{Config, Settings};
+use muster_controller::{Config, PoseErrors, Settings};
 use muster_machines::geometry::Ned;
-use muster_runtime::plan::Plan;
+use muster_runtime::plan::{Plan, PoseSensor};
 
 pub use crate::world::{LOOK_EVERY, Line};
 
@@ -19,4 +19,14 @@ pub fn config(plan: &Plan, place: Ned) -> Config {
     let capacity_mah = (hover_a * endurance / 3.6).min(CAPACITY_MAX_MAH);
     config.airframe.battery.capacity_mah = capacity_mah;
     config
+}
+
+/// The errors of a plan's pose sensor.
+#[must_use]
+pub const fn pose_errors(sensor: PoseSensor) -> PoseErrors {
+    PoseErrors {
+        sigma_m: sensor.sigma_m,
+        period: sensor.period,
+        delay: sensor.delay,
+    }
 }

@@ -16,13 +16,15 @@ use super::{Failure, Outcome, folder, terminal};
 /// Fly a scenario in real time, with one process per drone.
 ///
 /// Each drone is a musterd process on this machine or, with --hosts, on others. The processes exchange signed frames over
-/// UDP or QUIC; the vehicles are simulated, in this process if they have flight controllers. The scenario's faults are injected into the processes: SIGKILL for a kill,
-/// SIGSTOP for a hang. The scenario's radio model limits who hears whom. The rules of the simulation are checked, except
-/// those about the input of a drone and about RC. No process is left at the end, even after an error.
+/// UDP or QUIC; the vehicles are simulated, in this process if they have flight controllers. The scenario's faults are
+/// injected into the processes: SIGKILL for a kill, SIGSTOP for a hang. The scenario's radio model limits who hears whom. The
+/// rules of the simulation are checked, except those about the input of a drone and about RC. No process is left at the end,
+/// even after an error.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster swarm swarm-short --unlimited-range --json | jq .mission_completed
-  muster swarm swarm-short --prepare my-swarm")]
+  muster swarm swarm-short --prepare my-swarm
+  muster swarm betaflight-swarm --firmware betaflight_4.6.0_SITL")]
 pub(crate) struct Arguments {
     /// A scenario file, or the name of a shipped scenario (`muster list`).
     #[arg(value_name = "SCENARIO")]
@@ -43,11 +45,15 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Only write keys, and a file for each drone's musterd, into a new folder; start nothing
-    #[arg(long, value_name = "DIR", conflicts_with_all = ["out", "json", "unlimited_range"])]
+    #[arg(long, value_name = "DIR", conflicts_with_all = ["firmware", "json", "out", "unlimited_range"])]
     prepare: Option<PathBuf>,
     /// Path of musterd [default: next to this program]
     #[arg(long, value_name = "PROGRAM")]
     musterd: Option<PathBuf>,
+    /// Betaflight's software build, which is then the flight controllers' firmware instead of our simulation; needs root, for
+    /// a network namespace each
+    #[arg(long, value_name = "PROGRAM")]
+    firmware: Option<PathBuf>,
     #[command(flatten)]
     recordings: Recordings,
 }
@@ -102,6 +108,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         hosts: hosts.as_ref(),
         transport: arguments.transport.into(),
         folder: &out.join("drones"),
+        firmware: arguments.firmware.as_deref(),
         emulates_radio: !arguments.unlimited_range,
     };
     // The hidden bar, without a terminal, prints nothing.
@@ -137,6 +144,7 @@ fn prepare(
         path: &arguments.scenario,
         scenario,
         musterd: Path::new("musterd"),
+        firmware: None,
         hosts,
         transport: arguments.transport.into(),
         folder,

@@ -1,14 +1,12 @@
 //! The aircraft of a firmware in real time: 1,000 steps a second.
 
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::net::{Ipv4Addr, UdpSocket};
 use std::sync::{Mutex, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use muster_controller::{InLoop, MOTORS_BYTES, PoseErrors, PoseSensor};
-use muster_daemon::pose::Message;
-use muster_machines::geometry::Ned;
+use muster_controller::{InLoop, MOTORS_BYTES};
 use muster_machines::time::Timestamp;
 
 use crate::controller::lock;
@@ -32,42 +30,15 @@ impl Sockets {
     }
 }
 
-/// What measures the pose, and who is told.
-#[derive(Debug)]
-pub(super) struct Poses(Option<(PoseSensor, UdpSocket)>);
-
-impl Poses {
-    pub(super) fn open(pose: Option<(PoseErrors, SocketAddr)>, seed: u64) -> io::Result<Self> {
-        let Some((errors, address)) = pose else {
-            return Ok(Self(None));
-        };
-        let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0))?;
-        socket.connect(address)?;
-        let sensor = PoseSensor::new(errors, seed, Timestamp::ZERO);
-        Ok(Self(Some((sensor, socket))))
-    }
-
-    fn measure(&mut self, now: Timestamp, position: Ned) {
-        if let Some((sensor, socket)) = &mut self.0 {
-            sensor.measure(now, position);
-            while let Some(pose) = sensor.arrived(now) {
-                // Nobody may listen yet.
-                drop(socket.send(&Message::from(pose).to_bytes()));
-            }
-        }
-    }
-}
-
 /// An aircraft that moves until it is dropped.
 pub(super) struct Moved {
     pub(super) aircraft: Weak<Mutex<InLoop>>,
     pub(super) started: Instant,
     pub(super) sockets: Sockets,
-    pub(super) pose: Poses,
 }
 
 impl Moved {
-    pub(super) fn run(mut self) {
+    pub(super) fn run(self) {
         let socket = self.sockets.0;
         let mut packet = [0; MOTORS_BYTES + 1];
         let mut due = Instant::now();
@@ -79,9 +50,7 @@ impl Moved {
             }
             // A state that the firmware misses is followed by the next.
             drop(socket.send_to(&aircraft.transmit(now), STATE));
-            let position = aircraft.aircraft(now).position;
             drop(aircraft);
-            self.pose.measure(now, position);
             due = (due + STEP).max(Instant::now());
             thread::sleep(due.saturating_duration_since(Instant::now()));
         }

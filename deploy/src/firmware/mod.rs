@@ -16,18 +16,21 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use muster_controller::{Config, InLoop, PoseErrors, Truth};
+use muster_controller::{Config, InLoop, Truth};
 use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
 use tempfile::TempDir;
 
 use self::network::Network;
+use crate::PoseSource;
 use crate::controller::{lock, wait};
 
 /// Where the firmware listens for MSP, in its network.
 const MSP: &str = "127.0.0.1:5761";
 /// How long the firmware may take until it listens.
 const LISTENS_WITHIN: Duration = Duration::from_secs(5);
+/// How long it may take to end.
+const ENDS_WITHIN: Duration = Duration::from_secs(5);
 /// Now and then it starts without some of its tasks, and is started again.
 const STARTS_MAX: u32 = 4;
 /// Longest time until the end of a [`Firmware`] is seen.
@@ -45,7 +48,7 @@ pub struct Setup {
     /// Draws these errors.
     pub seed: u64,
     /// What measures its pose, and who is told.
-    pub pose: Option<(PoseErrors, SocketAddr)>,
+    pub pose: Option<PoseSource>,
 }
 
 /// A firmware that runs, and its aircraft. Both end with it.
@@ -79,11 +82,12 @@ impl Firmware {
     fn try_start(setup: &Setup, folder: &Path) -> io::Result<(Child, Network)> {
         let (mut process, network) = launch(&setup.program, folder)?;
         let configured = network.inside(|| configure::set_up(setup.receiver));
-        // Saved settings end the program.
-        if configured.is_err() {
+        // Saved settings end the program; now and then it hangs instead, with its settings saved.
+        let ended = configured.is_ok() && ends(&mut process)?;
+        if !ended {
             stop(&mut process);
+            process.wait()?;
         }
-        process.wait()?;
         configured?;
         let (mut process, network) = launch(&setup.program, folder)?;
         let takes_rc = match setup.receiver {
@@ -113,10 +117,16 @@ impl Firmware {
             aircraft: Arc::downgrade(&firmware.aircraft),
             started,
             sockets,
-            pose: body::Poses::open(setup.pose, setup.seed)?,
         };
         let thread = thread::Builder::new().name("aircraft".to_owned());
         thread.spawn(move || moved.run())?;
+        if let Some(source) = setup.pose {
+            let aircraft = Arc::downgrade(&firmware.aircraft);
+            source.start(move || {
+                let now = Timestamp::ZERO + started.elapsed();
+                Some(lock(&*aircraft.upgrade()?).aircraft(now).position)
+            })?;
+        }
         if setup.receiver == Receiver::Override {
             let radio = firmware.network.inside(pilot::Radio::open)?;
             let is_over = Arc::clone(&firmware.is_over);
@@ -221,6 +231,18 @@ fn listening(process: &mut Child) -> io::Result<Network> {
             Err(_) => thread::sleep(Duration::from_millis(20)),
         }
     }
+}
+
+/// Whether a process ends by itself.
+fn ends(process: &mut Child) -> io::Result<bool> {
+    let started = Instant::now();
+    while started.elapsed() < ENDS_WITHIN {
+        if process.try_wait()?.is_some() {
+            return Ok(true);
+        }
+        thread::sleep(Duration::from_millis(20));
+    }
+    Ok(false)
 }
 
 /// Ends a process that may have ended already.

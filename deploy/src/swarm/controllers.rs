@@ -1,24 +1,44 @@
-//! The simulated flight controllers of a flight's drones. They run in the starter, each behind a port of the loopback
-//! interface.
+//! The flight controllers of a flight's drones, simulated by us or by their own firmware. They run beside the starter, each
+//! behind a port of the loopback interface.
 
 use std::collections::BTreeMap;
 use std::io;
-use std::net::{Ipv4Addr, TcpListener};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
+use std::path::Path;
 use std::thread;
 use std::time::Duration;
 
 use muster_controller::Truth;
+use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
 use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
-use muster_scenarios::controllers::{LOOK_EVERY, config};
+use muster_scenarios::controllers::{LOOK_EVERY, config, pose_errors};
 use muster_scenarios::scenario::{ControllerFault, Scenario};
 
+use crate::PoseSource;
 use crate::controller::LiveController;
+use crate::firmware::{Firmware, Setup};
 
-/// The open port of each drone's controller. Empty if vehicles are in closed form.
-pub(super) type Ports = BTreeMap<NodeId, TcpListener>;
+/// The ports of each drone's controller. Empty if vehicles are in closed form.
+pub(super) type Ports = BTreeMap<NodeId, Port>;
+
+/// The open port of a drone's controller.
+#[derive(Debug)]
+pub(super) struct Port {
+    listener: TcpListener,
+    /// Where the drone listens for poses. `None` if GPS tells where it is.
+    pose: Option<SocketAddr>,
+}
+
+impl Port {
+    /// Where the drone connects to, and where it listens for poses.
+    pub(super) fn addresses(&self) -> io::Result<(SocketAddr, Option<SocketAddr>)> {
+        Ok((self.listener.local_addr()?, self.pose))
+    }
+}
 
 /// Opens a port for the controller of each drone.
 pub(super) fn open_ports(plan: &Plan) -> io::Result<Ports> {
@@ -26,8 +46,74 @@ pub(super) fn open_ports(plan: &Plan) -> io::Result<Ports> {
         VehicleKind::Msp => plan.layout.formation().drones(),
         VehicleKind::ClosedForm => 0,
     };
-    let listen = |id| Ok((NodeId(id), TcpListener::bind((Ipv4Addr::LOCALHOST, 0))?));
+    let any = (Ipv4Addr::LOCALHOST, 0);
+    // All at once, so that they differ; then they are free for the drones.
+    let sockets = (0..drones).filter(|_| plan.pose.is_some());
+    let sockets = sockets.map(|_| UdpSocket::bind(any));
+    let sockets: Vec<_> = sockets.collect::<io::Result<_>>()?;
+    let listen = |id| {
+        let pose = sockets.get(id as usize).map(UdpSocket::local_addr);
+        let port = Port {
+            listener: TcpListener::bind(any)?,
+            pose: pose.transpose()?,
+        };
+        Ok((NodeId(id), port))
+    };
     (0..drones).map(listen).collect()
+}
+
+/// What a controller is.
+#[derive(Debug)]
+enum Kind {
+    Simulated(LiveController),
+    Firmware(Firmware),
+}
+
+impl Kind {
+    fn start(
+        scenario: &Scenario,
+        (id, port): (NodeId, Port),
+        place: Ned,
+        firmware: Option<&Path>,
+    ) -> io::Result<Self> {
+        let plan = &scenario.plan;
+        let seed = scenario.seed.wrapping_add(id.0.into());
+        let config = config(plan, place);
+        let sensor = plan.pose.zip(port.pose);
+        let pose = sensor.map(|(sensor, to)| PoseSource {
+            errors: pose_errors(sensor),
+            seed,
+            to,
+        });
+        if let Some(program) = firmware {
+            let firmware = Firmware::start(Setup {
+                program: program.to_owned(),
+                receiver: Receiver::Sole,
+                config,
+                seed,
+                pose,
+            })?;
+            firmware.listen(port.listener)?;
+            return Ok(Self::Firmware(firmware));
+        }
+        let controller = LiveController::start(config, seed);
+        if let Some(source) = pose {
+            controller.measure_pose(source)?;
+        }
+        let server = controller.server();
+        let thread = thread::Builder::new().name(format!("controller-{id}"));
+        // A connection that breaks is closed, and the process connects again. Without connections at all its port stays
+        // closed, which its drone reports.
+        thread.spawn(move || server.listen(&port.listener, drop))?;
+        Ok(Self::Simulated(controller))
+    }
+
+    fn truth(&self) -> Truth {
+        match self {
+            Self::Simulated(controller) => controller.truth(),
+            Self::Firmware(firmware) => firmware.truth(),
+        }
+    }
 }
 
 /// All controllers. Their threads end with them.
@@ -36,37 +122,32 @@ pub(super) struct Controllers(BTreeMap<NodeId, Flown>);
 
 #[derive(Debug)]
 struct Flown {
-    controller: LiveController,
+    controller: Kind,
     looked_at: Option<Timestamp>,
     was_armed: bool,
 }
 
 impl Controllers {
-    /// Starts the controllers behind these ports.
+    /// Starts the controllers behind these ports. `firmware`: the program that they run, instead of our simulation.
     ///
     /// # Errors
-    /// If the system starts no threads.
-    pub(super) fn start(scenario: &Scenario, ports: Ports) -> io::Result<Self> {
-        let mut places = scenario.plan.start_positions();
-        let start = |(id, listener): (NodeId, TcpListener)| {
-            let place = places.next().expect("each drone has a start position");
-            let seed = scenario.seed.wrapping_add(id.0.into());
-            let controller = LiveController::start(config(&scenario.plan, place), seed);
-            let server = controller.server();
-            let thread = thread::Builder::new().name(format!("controller-{id}"));
-            // A connection that breaks is closed, and the process connects again. Without connections at all its port stays
-            // closed, which its drone reports.
-            thread.spawn(move || server.listen(&listener, drop))?;
+    /// If the system starts no threads, or the firmware doesn't start.
+    pub(super) fn start(
+        scenario: &Scenario,
+        ports: Ports,
+        firmware: Option<&Path>,
+    ) -> io::Result<Self> {
+        let places = scenario.plan.start_positions();
+        let flown = ports.into_iter().zip(places).map(|((id, port), place)| {
+            let controller = Kind::start(scenario, (id, port), place, firmware)?;
             let flown = Flown {
                 controller,
                 looked_at: None,
                 was_armed: false,
             };
             Ok((id, flown))
-        };
-        Ok(Self(
-            ports.into_iter().map(start).collect::<io::Result<_>>()?,
-        ))
+        });
+        Ok(Self(flown.collect::<io::Result<_>>()?))
     }
 
     /// The aircraft that have armed or disarmed since the last call, and those in flight that are due for a look.
@@ -84,8 +165,8 @@ impl Controllers {
 
     /// Injects a fault.
     pub(super) fn affect(&self, drone: NodeId, fault: ControllerFault, lasts: Option<Duration>) {
-        if let Some(flown) = self.0.get(&drone) {
-            flown.controller.affect(fault, lasts);
+        if let Some(Kind::Simulated(controller)) = self.0.get(&drone).map(|it| &it.controller) {
+            controller.affect(fault, lasts);
         }
     }
 }

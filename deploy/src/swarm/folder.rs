@@ -12,7 +12,7 @@ use muster_runtime::identity::Fleet;
 use muster_scenarios::scenario;
 use serde::Serialize;
 
-use super::controllers::Ports;
+use super::controllers::{Port, Ports};
 use super::hosts::{Host, Hosts, Reach};
 use super::{Request, SwarmError};
 use muster_daemon::config::TransportName;
@@ -44,6 +44,8 @@ struct DroneFile<'a> {
     port: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
     receiver: Option<&'static str>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pose: Option<SocketAddr>,
     transport: TransportName,
     journal: &'static str,
     log: LogFormat,
@@ -146,8 +148,8 @@ fn write_files(
             TransportName::Udp => (Some(network), None),
             TransportName::Quic => (None, Some(network)),
         };
-        let port = ports.get(&id).map(TcpListener::local_addr).transpose();
-        let controller = port.map_err(SwarmError::Ports)?;
+        let addresses = ports.get(&id).map(Port::addresses).transpose();
+        let (controller, pose) = addresses.map_err(SwarmError::Ports)?.unzip();
         let file = DroneFile {
             scenario: &Path::new("../scenario").join(&scenario.0),
             id: id.0,
@@ -155,6 +157,7 @@ fn write_files(
             vehicle: controller.map_or("closed-form", |_| "msp"),
             port: controller.map(|address| format!("tcp:{address}")),
             receiver: controller.map(|_| "sole"),
+            pose: pose.flatten(),
             transport: request.transport,
             journal: "journal",
             log,

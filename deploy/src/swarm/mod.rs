@@ -30,7 +30,7 @@ use muster_runtime::identity::KeysError;
 use muster_runtime::vehicle::VehicleKind;
 use muster_scenarios::engine::Progress;
 use muster_scenarios::report::{Flight, Report};
-use muster_scenarios::scenario::Scenario;
+use muster_scenarios::scenario::{DroneFault, Fault, FaultKind, Scenario};
 use muster_scenarios::twin;
 use thiserror::Error;
 
@@ -56,6 +56,8 @@ pub struct Request<'a> {
     /// The folder for keys, files, journals and logs, with a subfolder per drone. Files of an earlier flight there are
     /// removed. A folder that holds anything else is refused.
     pub folder: &'a Path,
+    /// The program of the drones' flight controllers: Betaflight's software build. `None`: our simulation.
+    pub firmware: Option<&'a Path>,
     /// Whether frames are lost as over the scenario's radio; otherwise every drone hears every other.
     pub emulates_radio: bool,
 }
@@ -120,8 +122,8 @@ pub enum SwarmError {
     /// No free ports on this machine.
     #[error("can't reserve ports for the drones")]
     Ports(#[source] io::Error),
-    /// The simulated flight controllers did not start.
-    #[error("can't start simulated flight controllers")]
+    /// The flight controllers did not start.
+    #[error("can't start the flight controllers")]
     Controllers(#[source] io::Error),
     /// A program could not be started.
     #[error("can't start {}", program.display())]
@@ -170,7 +172,7 @@ pub fn fly(
         .enable_all()
         .build()
         .map_err(SwarmError::Runtime)?;
-    let controllers = Controllers::start(request.scenario, ports);
+    let controllers = Controllers::start(request.scenario, ports, request.firmware);
     let controllers = controllers.map_err(SwarmError::Controllers)?;
     runtime.block_on(flight::fly(
         request,
@@ -235,6 +237,18 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
         let message = "simulated flight controllers run on this machine only; drones on other hosts need `vehicle.kind` = \
                        \"closed-form\"";
         return refuse(message.to_owned());
+    }
+    if request.firmware.is_some() {
+        let is_ours =
+            |fault: &Fault| matches!(fault.kind, FaultKind::Drone(_, DroneFault::Controller(_)));
+        if scenario.plan.vehicle_kind != VehicleKind::Msp || scenario.plan.pose.is_none() {
+            let message = "a firmware of its own needs `vehicle.kind` = \"msp\" and a table `[vehicle.pose]`: it has no GPS";
+            return refuse(message.to_owned());
+        }
+        if scenario.faults.iter().any(is_ours) {
+            let message = "faults of flight controllers are injected into our simulation only, not into a firmware";
+            return refuse(message.to_owned());
+        }
     }
     if scenario.plan.is_steered() {
         return refuse("the scenario needs a simulated pilot or operator".to_owned());

@@ -11,5 +11,6 @@ mod identities;
 pub mod launcher;
 pub mod log;
 pub mod operator;
+pub mod pose;
 pub mod program;
 pub mod status;

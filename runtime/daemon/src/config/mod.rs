@@ -101,6 +101,8 @@ pub(crate) struct ControllerConfig {
     pub(crate) port: Address,
     pub(crate) stage: Stage,
     pub(crate) receiver: Receiver,
+    /// Where poses arrive. `None` if GPS tells where the vehicle is.
+    pub(crate) pose: Option<SocketAddr>,
 }
 
 /// Returns the text of the file at a path.
@@ -291,9 +293,13 @@ impl File {
         };
         if *vehicle.get_ref() == VehicleName::ClosedForm {
             let port = raw.port.as_ref().map(Located::span);
-            let span = port.or_else(|| raw.receiver.as_ref().map(Located::span));
-            return match span {
-                Some(span) => refuse(span, "only a `vehicle = \"msp\"` has a port and a receiver"),
+            let receiver = raw.receiver.as_ref().map(Located::span);
+            let pose = raw.pose.as_ref().map(Located::span);
+            return match port.or(receiver).or(pose) {
+                Some(span) => refuse(
+                    span,
+                    "only a `vehicle = \"msp\"` has a port, a receiver and a pose",
+                ),
                 None => Ok(None),
             };
         }
@@ -310,7 +316,14 @@ impl File {
             let message = "in the stage \"sim\" `port` needs \"tcp:HOST:PORT\": motors may hang on a serial device";
             return refuse(port.span(), message);
         }
+        if let Some(pose) = &raw.pose
+            && !(pose.get_ref().ip().is_loopback() && pose.get_ref().port() > 0)
+        {
+            let message = "`pose` needs a loopback address and a fixed port: whoever reaches it says where the drone is";
+            return refuse(pose.span(), message);
+        }
         Ok(Some(ControllerConfig {
+            pose: raw.pose.as_ref().map(|it| *it.get_ref()),
             port: address,
             stage,
             receiver: match receiver.get_ref() {
@@ -328,6 +341,19 @@ impl File {
                 nodes - 1
             );
             return Err(self.0.error(self.0.raw.id.span(), &message));
+        }
+        let raw = &self.0.raw;
+        match (&raw.pose, &plan.pose) {
+            (Some(pose), None) => {
+                let message =
+                    "the scenario has no table `[vehicle.pose]`, so GPS tells where the drone is";
+                return Err(self.0.error(pose.span(), message));
+            }
+            (None, Some(_)) if *raw.vehicle.get_ref() == VehicleName::Msp => {
+                let message = "the scenario has a table `[vehicle.pose]`, so this needs `pose`, an address for poses";
+                return Err(self.0.error(raw.vehicle.span(), message));
+            }
+            _ => {}
         }
         if plan.is_steered() {
             let message =

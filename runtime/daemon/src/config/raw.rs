@@ -36,6 +36,12 @@ pub(super) struct Raw {
     pub(super) port: Option<Located<String>>,
     /// Who else commands the flight controller; with `vehicle = "msp"` only, which needs it.
     pub(super) receiver: Option<Located<ReceiverName>>,
+    /// Where the drone listens for poses: UDP datagrams with a JSON object each, from a program on this machine that measures
+    /// where the vehicle is; required if the scenario has a table `[vehicle.pose]`, else refused.
+    #[schemars(extend(
+        "x-accepted" = "a loopback address and a fixed port, for example \"127.0.0.1:9010\""
+    ))]
+    pub(super) pose: Option<Located<SocketAddr>>,
     /// How frames are sent. Each transport has a table of its name; the other table is ignored.
     pub(super) transport: Located<TransportName>,
     /// Folder with the journal and the files of the current flight; created if missing.

@@ -15,6 +15,7 @@ use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use tokio::sync::mpsc;
 
 use crate::config::ControllerConfig;
+use crate::pose;
 
 /// Events of a port that wait for the drone's thread. While they are full the port drops its oldest.
 const EVENTS_MAX: usize = 64;
@@ -93,7 +94,7 @@ impl Vehicle {
         if let Self::Controlled(controlled) = self {
             match event {
                 PortEvent::Told(Told::Status(status)) => controlled.status = Some(status.clone()),
-                PortEvent::Told(_) => {}
+                PortEvent::Told(_) | PortEvent::Pose(_) => {}
                 PortEvent::Identified(_) | PortEvent::Closed => controlled.status = None,
             }
         }
@@ -154,7 +155,7 @@ pub(super) type PortEvents = mpsc::Receiver<PortEvent>;
 /// Opens a port, and keeps it open. Returns its events.
 ///
 /// # Errors
-/// If the system starts no threads.
+/// If the system starts no threads, or the address for poses is not free.
 pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, PortEvents)> {
     let mode = match config.receiver {
         Receiver::Sole => ReceiverMode::Sole,
@@ -162,6 +163,9 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
     };
     let port = Arc::new(Link::start(config.port.clone(), Some(mode))?);
     let (sender, events) = mpsc::channel(EVENTS_MAX);
+    if let Some(address) = config.pose {
+        pose::listen(address, sender.clone())?;
+    }
     let source = Arc::downgrade(&port);
     std::thread::Builder::new()
         .name("port-events".to_owned())

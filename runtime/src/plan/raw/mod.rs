@@ -28,7 +28,7 @@ pub use self::names::{
 };
 pub use self::numbers::{
     Heading, Height, Length, Microseconds, Milliseconds, Offset, PartsPerMillion, Rate, Seconds,
-    SecondsFrom0, Seed, Shape, Share, Velocity, Volts, Whole,
+    SecondsFrom0, Seed, Shape, Share, Sigma, Velocity, Volts, Whole,
 };
 pub(super) use self::reference::reference;
 use crate::schema::{Located, Or};
