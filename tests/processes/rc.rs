@@ -149,7 +149,6 @@ fn assert_in_time(name: &str, receiver: &Receiver, since: Instant) {
 /// Take-off and three phases with every core busy, while each sync of the leader's journal takes half a second more. At the end
 /// the actor msp hangs in one process, and all of another one.
 #[test]
-#[expect(clippy::print_stdout, reason = "a measurement")]
 fn armed_controller_gets_rc_in_time_whatever_crashes_and_none_from_what_hangs() {
     let lasts = std::env::var(PHASE).map_or(PHASE_S, |text| text.parse().unwrap());
     let lasts = Duration::from_secs(lasts);
