@@ -10,6 +10,7 @@ use std::time::Duration;
 use muster_controller::Truth;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
+use muster_port::raise_priority;
 use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
 use muster_scenarios::controllers::{LOOK_EVERY, config};
@@ -56,7 +57,11 @@ impl Controllers {
             let thread = thread::Builder::new().name(format!("controller-{id}"));
             // A connection that breaks is closed, and the process connects again. Without connections at all its port stays
             // closed, which its drone reports.
-            thread.spawn(move || server.listen(&listener, drop))?;
+            thread.spawn(move || {
+                // Without it a busy machine looks like a lost receiver.
+                let _ = raise_priority();
+                server.listen(&listener, drop)
+            })?;
             let flown = Flown {
                 controller,
                 looked_at: None,

@@ -15,7 +15,7 @@ pub use self::inbox::Event;
 use self::inbox::Inbox;
 use crate::address::Address;
 use crate::fitness;
-use crate::priority;
+use crate::priority::raise_priority;
 use crate::session::{AskError, Session};
 use crate::status::Status;
 use crate::wire::Wire;
@@ -194,7 +194,7 @@ fn read_while_open(shared: &Shared, wire: &Wire, back_off: &mut Duration) -> Opt
 
 /// Writes one command a tick.
 fn write_on_time(shared: &Shared) {
-    let is_realtime = priority::raise();
+    let is_realtime = raise_priority();
     shared.inbox().is_realtime = is_realtime;
     let mut bytes = Vec::new();
     let mut due = Instant::now();
