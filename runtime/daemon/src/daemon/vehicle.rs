@@ -5,10 +5,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use muster_machines::geometry::{Ned, Velocity};
-use muster_machines::msp::{FlightCommand, PortEvent, Telemetry};
+use muster_machines::msp::{FlightCommand, Introduction, PortEvent, Telemetry};
 use muster_machines::time::Timestamp;
-use muster_msp::{SetRawRc, Status, Telemetry as Told};
-use muster_port::{Address, Event, Link, State};
+use muster_msp::SetRawRc;
+use muster_port::{Address, Event, Link};
 use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use tokio::sync::mpsc;
 
@@ -30,8 +30,7 @@ pub(super) struct Controlled {
     port: Arc<Link>,
     /// What the navigation was told last.
     telemetry: Telemetry,
-    /// The controller's newest status since it said who it is.
-    status: Option<Status>,
+    introduction: Introduction,
 }
 
 impl Vehicle {
@@ -83,30 +82,19 @@ impl Vehicle {
     }
 
     /// An event of the port is on its way to the link.
-    pub(super) fn port_told(&mut self, event: &PortEvent) {
+    pub(super) fn port_told(&mut self, now: Timestamp, event: &PortEvent) {
         if let Self::Controlled(controlled) = self {
-            match event {
-                PortEvent::Told(Told::Status(status)) => controlled.status = Some(status.clone()),
-                PortEvent::Told(_) => {}
-                PortEvent::Identified(_) | PortEvent::Closed => controlled.status = None,
-            }
+            controlled.introduction.take(now, event);
         }
     }
 
-    /// What a link that has just started is told of its port: who the controller is, and its newest status if it answers, so
-    /// that the link gives RC before the next one. Empty if the controller is not known.
-    pub(super) fn introduction(&self) -> Vec<PortEvent> {
-        let (Self::Controlled(controlled), Some(port)) = (self, self.port()) else {
-            return Vec::new();
+    /// What a link that has just started is told of its port.
+    pub(super) fn introduction(&self, now: Timestamp) -> impl Iterator<Item = PortEvent> + use<> {
+        let events = match self {
+            Self::Simulated(_) => None,
+            Self::Controlled(controlled) => Some(controlled.introduction.events(now)),
         };
-        let Some(identity) = port.identity else {
-            return Vec::new();
-        };
-        let mut events = vec![PortEvent::Identified(Box::new(identity))];
-        if let (State::Open, Some(status)) = (port.state, &controlled.status) {
-            events.push(PortEvent::Told(Told::Status(status.clone())));
-        }
-        events
+        events.into_iter().flatten()
     }
 
     /// Replaces the state of a simulated vehicle. Its times count from `epoch`.
@@ -164,13 +152,14 @@ pub(super) fn controlled(address: Address) -> io::Result<(Vehicle, PortEvents)> 
         at_rest: true,
         armed: false,
         landing: false,
+        taken_over: false,
         target: None,
         charge: 1.0,
     };
     let vehicle = Vehicle::Controlled(Controlled {
         port,
         telemetry,
-        status: None,
+        introduction: Introduction::default(),
     });
     Ok((vehicle, events))
 }
