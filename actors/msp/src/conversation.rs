@@ -113,7 +113,7 @@ impl Conversation {
         Some((delay, told))
     }
 
-    /// Asks at once again if the modes have changed: who acts on them wants to hear it twice.
+    /// Asks at once again if the modes have changed: a link acts on them when they are told twice.
     fn confirm(&mut self, status: &Status) {
         let modes = Some(status.modes());
         if std::mem::replace(&mut self.modes, modes) != modes {

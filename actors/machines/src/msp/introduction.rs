@@ -10,7 +10,7 @@ use crate::time::Timestamp;
 /// How long a status is told to new links. It is asked five times a second.
 const STATUS_MAX: Duration = Duration::from_millis(500);
 
-/// What a port has said of its controller. Whoever runs a link keeps one beside its port.
+/// What a port has said of its controller. The owner of a port keeps one beside it.
 #[derive(Debug, Default)]
 pub struct Introduction {
     identity: Option<Box<Identity>>,

@@ -411,14 +411,14 @@ mod tests {
         let mut estimator = estimator();
         let mut yaw_deg = |seconds, yaw_deg| {
             estimator.measure_attitude(at(seconds), &attitude(yaw_deg));
-            estimator.tilt().yaw_rad.to_degrees().round()
+            estimator.tilt().yaw_rad.to_degrees().round() as i16
         };
-        assert_eq!(yaw_deg(0.0, 359), 359.0);
-        assert_eq!(yaw_deg(0.1, 10), 10.0, "11° in 0.1 s");
-        assert_eq!(yaw_deg(0.2, 120), 10.0, "110° in 0.1 s");
-        assert_eq!(yaw_deg(0.3, 12), 12.0);
-        assert_eq!(yaw_deg(0.4, 120), 12.0);
-        assert_eq!(yaw_deg(0.5, 121), 121.0);
+        assert_eq!(yaw_deg(0.0, 359), 359);
+        assert_eq!(yaw_deg(0.1, 10), 10, "11° in 0.1 s");
+        assert_eq!(yaw_deg(0.2, 120), 10, "110° in 0.1 s");
+        assert_eq!(yaw_deg(0.3, 12), 12);
+        assert_eq!(yaw_deg(0.4, 120), 12);
+        assert_eq!(yaw_deg(0.5, 121), 121);
     }
 
     #[test]
