@@ -22,7 +22,7 @@ pub(super) enum Vehicle {
     /// In closed form.
     Simulated(Box<SimulatedVehicle>),
     /// Behind a port.
-    Controlled(Controlled),
+    Controlled(Box<Controlled>),
 }
 
 /// A flight controller behind a port.
@@ -156,11 +156,12 @@ pub(super) fn controlled(address: Address) -> io::Result<(Vehicle, PortEvents)> 
         target: None,
         charge: 1.0,
     };
-    let vehicle = Vehicle::Controlled(Controlled {
+    let controlled = Controlled {
         port,
         telemetry,
         introduction: Introduction::default(),
-    });
+    };
+    let vehicle = Vehicle::Controlled(Box::new(controlled));
     Ok((vehicle, events))
 }
 
