@@ -25,6 +25,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
+use muster_machines::msp::controller::Receiver;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::KeysError;
 use muster_runtime::vehicle::VehicleKind;
@@ -234,6 +235,10 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
     if scenario.plan.vehicle_kind == VehicleKind::Msp && request.hosts.is_some_and(is_far) {
         let message = "simulated flight controllers run on this machine only; drones on other hosts need `vehicle.kind` = \
                        \"closed-form\"";
+        return refuse(message.to_owned());
+    }
+    if scenario.plan.receiver == Receiver::Override {
+        let message = "pilots are simulated in a world only: processes need `vehicle.receiver` = \"sole\"";
         return refuse(message.to_owned());
     }
     if scenario.plan.is_steered() {

@@ -20,7 +20,7 @@ use crate::session::{AskError, Session};
 use crate::status::Status;
 use crate::wire::Wire;
 
-/// How long a read waits. A frame that is not whole by then is given up.
+/// How long a read waits.
 const WAIT: Duration = Duration::from_millis(50);
 /// First pause before a port is opened again; it doubles up to the last one.
 const BACK_OFF_MIN: Duration = Duration::from_millis(100);
@@ -178,11 +178,8 @@ fn read_while_open(shared: &Shared, wire: &Wire, back_off: &mut Duration) -> Opt
             frames += 1;
             shared.inbox().take(now, &frame);
         };
-        if length == 0 {
-            decoder.abandon(&mut take);
-        } else {
-            decoder.read(&buffer[..length], &mut take);
-        }
+        decoder.read(&buffer[..length], &mut take);
+        decoder.expire(now, &mut take);
         if frames > 0 {
             *back_off = BACK_OFF_MIN;
             shared.arrived.notify_all();

@@ -155,7 +155,7 @@ impl Controller {
     /// Bytes from the companion.
     pub fn receive(&mut self, now: Timestamp, bytes: &[u8]) {
         self.advance(now);
-        self.serial.receive(bytes);
+        self.serial.receive(now.since(self.start), bytes);
         self.touch();
     }
 
@@ -224,6 +224,12 @@ impl Controller {
             volts: self.aircraft.battery.volts(),
             amps: self.aircraft.battery.amps(),
         }
+    }
+
+    /// Channels that count, in µs: roll, pitch, yaw, throttle, AUX1, …
+    #[must_use]
+    pub fn channels(&self) -> [u16; CHANNELS] {
+        *self.firmware.receiver.channels()
     }
 
     /// What the port dropped.
