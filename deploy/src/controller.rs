@@ -200,6 +200,8 @@ impl Live {
                 self.controller.fault(now, Fault::Sag(volts));
                 self.sags_until = Some(until);
             }
+            // Its drone has no pilot: a scenario with pilots is refused.
+            ControllerFault::TakeOver => {}
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use muster_controller::{Config, PoseErrors, Settings};
 use muster_machines::geometry::Ned;
+use muster_machines::msp::controller::Receiver;
 use muster_runtime::plan::{Plan, PoseSensor};
 
 pub use crate::world::{LOOK_EVERY, Line};
@@ -12,7 +13,11 @@ const CAPACITY_MAX_MAH: f64 = 60_000.0;
 /// The controller and the aircraft of a plan's drone that stands at `place`.
 #[must_use]
 pub fn config(plan: &Plan, place: Ned) -> Config {
-    let mut config = Config::new(plan.home, Settings::fit());
+    let settings = match plan.receiver {
+        Receiver::Sole => Settings::fit(),
+        Receiver::Override => Settings::fit_overriding(),
+    };
+    let mut config = Config::new(plan.home, settings);
     config.place = place;
     let hover_a = config.airframe.hover_a();
     let endurance = plan.endurance.map_or(f64::INFINITY, |it| it.as_secs_f64());

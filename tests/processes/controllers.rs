@@ -1,124 +1,32 @@
 //! Drones with simulated flight controllers, as processes in real time.
 
 use std::fs;
-use std::io::{ErrorKind, Read, Write};
-use std::net::{TcpListener, TcpStream};
-use std::process::Stdio;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, MutexGuard};
-use std::thread;
-use std::time::{Duration, Instant};
 
-use muster_controller::{Config, Contact, Controller, Settings, Truth};
-use muster_daemon::control::{ActorFault, ControlMessage};
-use muster_machines::node::Address;
-use muster_machines::time::Timestamp;
-use muster_msp::{Channel, Decode, Decoder, Message, ReceivedRc};
+use muster_controller::{Config, Contact, FailsafeSettings, Procedure, Settings, Version};
+use muster_daemon::control::READY;
+use muster_msp::Channel;
 use muster_scenarios::scenario;
-use serde_json::json;
+use serde_json::{Value, json};
 
 use super::fleet::{Fleet, Process, SCENARIO, assert_refused, replace};
 use super::flights::{common_ballot, others, state};
-use super::swarm::{scenario_with, wait_until};
+use super::receiver::Receiver;
+use super::swarm::{complete_report, scenario_with, swarm, wait_until};
 
 const DRONES: u32 = 3;
 /// The first leader of three drones in line.
-const LEADER: u32 = 1;
-/// Longest wait for bytes.
-const PAUSE: Duration = Duration::from_millis(10);
+pub(super) const LEADER: u32 = 1;
 
-/// A simulated controller on TCP, and the RC frames that it received. Its thread ends with the test's process.
-struct Receiver {
-    address: String,
-    seen: Arc<Mutex<Seen>>,
-}
-
-struct Seen {
-    started: Instant,
-    controller: Controller,
-    rc: Vec<(Instant, ReceivedRc)>,
-}
-
-impl Receiver {
-    fn start(config: Config) -> Self {
-        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
-        let address = format!("tcp:{}", listener.local_addr().unwrap());
-        let seen = Arc::new(Mutex::new(Seen {
-            started: Instant::now(),
-            controller: Controller::new(config, 1, Timestamp::ZERO),
-            rc: Vec::new(),
-        }));
-        let served = Arc::clone(&seen);
-        thread::spawn(move || {
-            for stream in listener.incoming() {
-                // A killed process resets its connection.
-                let _ = serve(&stream.unwrap(), &served);
-            }
-        });
-        Self { address, seen }
-    }
-
-    fn seen(&self) -> MutexGuard<'_, Seen> {
-        self.seen.lock().unwrap()
-    }
-
-    fn truth(&self) -> Truth {
-        let mut seen = self.seen();
-        let now = seen.now();
-        seen.controller.aircraft(now)
-    }
-
-    fn received(&self) -> usize {
-        self.seen().rc.len()
-    }
-}
-
-impl Seen {
-    fn now(&self) -> Timestamp {
-        Timestamp::ZERO + self.started.elapsed()
-    }
-}
-
-fn serve(mut stream: &TcpStream, seen: &Mutex<Seen>) -> std::io::Result<()> {
-    stream.set_nodelay(true)?;
-    stream.set_read_timeout(Some(PAUSE))?;
-    let mut decoder = Decoder::default();
-    let mut buffer = [0; 1_024];
-    loop {
-        let length = match stream.read(&mut buffer) {
-            Ok(0) => return Ok(()),
-            Ok(length) => length,
-            Err(error) if error.kind() == ErrorKind::WouldBlock => 0,
-            Err(error) => return Err(error),
-        };
-        let at = Instant::now();
-        let mut seen = seen.lock().unwrap();
-        decoder.read(&buffer[..length], |frame| {
-            if frame.command == ReceivedRc::COMMAND {
-                let rc = ReceivedRc::decode(frame.payload).unwrap();
-                seen.rc.push((at, rc));
-            }
-        });
-        let now = seen.now();
-        seen.controller.receive(now, &buffer[..length]);
-        let replies = seen.controller.transmit(now);
-        let due = seen.controller.next_event();
-        drop(seen);
-        stream.write_all(&replies)?;
-        let wait = due.map_or(PAUSE, |due| due.since(now).min(PAUSE));
-        stream.set_read_timeout(Some(wait.max(Duration::from_millis(1))))?;
-    }
-}
-
-/// Three drones of a fleet, each with a receiver where it starts.
-fn controlled(mission: &str, settings: impl Fn(u32) -> Settings) -> (Fleet, Vec<Receiver>) {
+/// Three drones of a fleet, each with a receiver where it starts, in the scenario with
+/// these replacements.
+pub(super) fn controlled(
+    replacements: &[(&str, &str)],
+    settings: impl Fn(u32) -> Settings,
+) -> (Fleet, Vec<Receiver>) {
     let fleet = Fleet::new();
-    let missions = [("hop.waypoints", mission)];
     let folder = fleet.file(0);
     let folder = folder.parent().unwrap();
-    let path = scenario_with("swarm-controllers.toml", &missions, folder);
-    let text = fs::read_to_string(&path).unwrap();
-    fs::write(&path, text + "\n[limits]\nrestarts_max = 100\n").unwrap();
+    let path = scenario_with("swarm-controllers.toml", replacements, folder);
     let plan = scenario::load(&path, &[]).unwrap().plan;
     let places = (0..DRONES).zip(plan.start_positions());
     let receivers = places.map(|(id, place)| {
@@ -144,7 +52,7 @@ fn fly(fleet: &Fleet) -> Vec<Process> {
         .collect()
 }
 
-fn landing() -> Settings {
+pub(super) fn landing() -> Settings {
     let mut settings = Settings::fit();
     settings.failsafe.landing_s = 20;
     settings
@@ -152,7 +60,7 @@ fn landing() -> Settings {
 
 #[test]
 fn controller_of_a_killed_leader_lands_it_and_the_others_finish() {
-    let (fleet, receivers) = controlled("hop.waypoints", |_| landing());
+    let (fleet, receivers) = controlled(&[], |_| landing());
     let mut drones = fly(&fleet);
     let leader = &mut drones[LEADER as usize];
     leader.wait_for_mission(&json!({ "Opened": { "waypoint": 1 } }));
@@ -185,7 +93,7 @@ fn controller_of_a_killed_leader_lands_it_and_the_others_finish() {
 /// Drones 0 and 2 are in the stage `bench`; the board of drone 1, in the stage `sim`, doesn't say that it is a simulation.
 #[test]
 fn neither_a_bench_drone_nor_a_board_that_is_no_simulation_is_armed() {
-    let (fleet, receivers) = controlled("hop.waypoints", |id| Settings {
+    let (fleet, receivers) = controlled(&[], |id| Settings {
         says_simulator: id != LEADER,
         ..Settings::fit()
     });
@@ -212,7 +120,7 @@ fn neither_a_bench_drone_nor_a_board_that_is_no_simulation_is_armed() {
 
 #[test]
 fn serial_port_is_refused_in_the_stage_sim() {
-    let (fleet, _receivers) = controlled("hop.waypoints", |_| Settings::fit());
+    let (fleet, _receivers) = controlled(&[], |_| Settings::fit());
     replace(
         &fleet.file(0),
         "port = \"tcp:",
@@ -222,73 +130,95 @@ fn serial_port_is_refused_in_the_stage_sim() {
     assert_refused(&mut fleet.command(0), expected);
 }
 
-/// Keeps every core busy until it is dropped.
-struct Load(Arc<AtomicBool>);
-
-impl Load {
-    fn start() -> Self {
-        let is_over = Arc::new(AtomicBool::new(false));
-        for _ in 0..thread::available_parallelism().unwrap().get() {
-            let is_over = Arc::clone(&is_over);
-            thread::spawn(move || {
-                while !is_over.load(Ordering::Relaxed) {
-                    std::hint::spin_loop();
-                }
-            });
-        }
-        Self(is_over)
-    }
-}
-
-impl Drop for Load {
-    fn drop(&mut self) {
-        self.0.store(true, Ordering::Relaxed);
-    }
-}
-
-/// The longest gap between RC frames since a point in time. Prints it, and the gap that 99 of 100 don't exceed; this thread's
-/// own delays are in both.
-#[expect(clippy::print_stdout, reason = "a measurement")]
-fn longest_gap(name: &str, receiver: &Receiver, since: Instant) -> Duration {
-    let seen = receiver.seen();
-    let times = seen.rc.iter().map(|(at, _)| *at);
-    let times: Vec<_> = times.filter(|at| *at >= since).collect();
-    let mut gaps: Vec<_> = times.windows(2).map(|it| it[1] - it[0]).collect();
-    gaps.sort();
-    let (p99, max) = (gaps[gaps.len() * 99 / 100], gaps[gaps.len() - 1]);
-    println!("{name}: {} gaps, p99 {p99:?}, max {max:?}", gaps.len());
-    max
-}
-
-/// For 30 s each: with every core busy; and with the msp actor crashed every 3 s, too.
-#[test]
-fn armed_controller_gets_rc_in_time_while_cores_are_busy_and_the_msp_actor_crashes() {
-    let (fleet, receivers) = controlled("ferry.waypoints", |_| landing());
-    let mut command = fleet.command(LEADER);
-    command
-        .args(["--fly", "--controlled"])
-        .stdin(Stdio::piped());
-    let _others = [0, 2].map(|id| fleet.start(id, &[]));
-    let mut leader = Process::start(LEADER, command);
-    leader.wait_for_mission(&json!({ "Opened": { "waypoint": 1 } }));
-    let receiver = &receivers[LEADER as usize];
-    let _load = Load::start();
-    let crash = ControlMessage::Inject {
-        actor: Address::Msp,
-        fault: ActorFault::Crashes,
+/// Settings that no drone may fly, how its file names its receiver, and the rule that they break.
+fn unfit() -> [(Settings, &'static str, &'static str); 3] {
+    let drop = Settings {
+        failsafe: FailsafeSettings {
+            procedure: Procedure::Drop,
+            ..Settings::fit().failsafe
+        },
+        ..Settings::fit()
     };
-    for (name, crashes) in [("busy", false), ("busy, msp crashes", true)] {
-        let since = Instant::now();
-        for _ in 0..10 {
-            if crashes {
-                leader.control(&crash);
-            }
-            thread::sleep(Duration::from_secs(3));
-        }
-        let longest = longest_gap(name, receiver, since);
-        assert!(receiver.truth().is_armed && receiver.truth().contact == Contact::Airborne);
-        assert!(longest < Duration::from_millis(100), "{name}");
+    let holds = Settings {
+        failsafe: Settings::fit().failsafe,
+        ..Settings::overriding(Version::V4_6)
+    };
+    [
+        (drop, "sole", "failsafe-procedure"),
+        (holds, "override", "override-fallback"),
+        (Settings::fit(), "override", "override-mask"),
+    ]
+}
+
+#[test]
+fn controllers_that_are_not_fit_to_fly_get_no_rc_and_status_says_why() {
+    let (fleet, receivers) = controlled(&[], |id| unfit()[id as usize].0.clone());
+    for (id, (_, receiver, _)) in (0..).zip(unfit()) {
+        let receiver = format!("receiver = \"{receiver}\"");
+        replace(&fleet.file(id), "receiver = \"sole\"", &receiver);
     }
-    let restarts = &fleet.status(LEADER)["actors"]["msp"]["restarts"];
-    assert_eq!(restarts.as_u64(), Some(10));
+    let mut drones = fly(&fleet);
+    for drone in &mut drones {
+        drone.wait_for("ready", |line| line["message"] == READY);
+    }
+    for (id, (_, _, rule)) in (0..).zip(unfit()) {
+        let is_named = |text: &Value| text.as_str().unwrap().contains(rule);
+        let status = fleet.wait_for_status(id, "the port is open", |status| {
+            status["port"]["state"] == "open"
+        });
+        let names = |list: &Value| list.as_array().unwrap().iter().any(is_named);
+        assert!(names(&status["port"]["unfit"]), "{rule}: {status:#}");
+        assert!(names(&status["faults"]), "{rule}: {status:#}");
+    }
+    fleet.wait_for_status(LEADER, "it takes off", |status| {
+        status["state"]["name"] == "taking_off"
+    });
+    for receiver in &receivers {
+        assert_eq!(receiver.received(), 0);
+    }
+}
+
+#[test]
+fn swarm_flies_simulated_controllers_and_injects_their_faults() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scenario_with("swarm-controllers.toml", &[], folder.path());
+    let faults = r#"
+[[faults]]
+at_waypoint = 1
+kind = "kill"
+drone = "master"
+
+[[faults]]
+at_waypoint = 1
+kind = "corrupt-bytes"
+drone = 0
+share = 0.002
+for_s = 5
+
+[[faults]]
+at_waypoint = 1
+kind = "delay-bytes"
+drone = 2
+by_ms = 30
+for_s = 5
+"#;
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text + faults).unwrap();
+    let out = folder.path().join("flight");
+    let run = swarm(path.to_str().unwrap(), &out)
+        .arg("--json")
+        .output()
+        .unwrap();
+    let report = complete_report(&run, &out);
+    for (id, drone) in (0..).zip(report["drones"].as_array().unwrap()) {
+        let state = drone["state"].as_str().unwrap();
+        if id == LEADER {
+            assert!(state.starts_with("killed while"), "{state}");
+        } else {
+            assert_eq!(state, "finished", "drone {id}");
+        }
+    }
+    assert_eq!(report["elections"].as_array().unwrap().len(), 1);
+    let file = fs::read_to_string(out.join("drones/drone-0/drone.toml")).unwrap();
+    assert!(file.contains("vehicle = \"msp\"") && file.contains("port = \"tcp:127.0.0.1:"));
 }

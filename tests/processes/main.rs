@@ -18,6 +18,8 @@ mod real_time {
     mod network;
     mod observe;
     mod operator;
+    mod rc;
+    mod receiver;
     mod refusals;
     mod service;
     mod slow_agent;

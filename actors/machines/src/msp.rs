@@ -4,6 +4,7 @@
 //! scenario runner.
 
 pub mod controller;
+mod introduction;
 
 use std::time::Duration;
 
@@ -11,6 +12,7 @@ use muster_msp::SetRawRc;
 use serde::{Deserialize, Serialize};
 
 pub use self::controller::{ControllerLink, PortEvent, Pose};
+pub use self::introduction::Introduction;
 
 use crate::geometry::{Ned, Velocity};
 use crate::machine::Machine;
@@ -81,8 +83,10 @@ pub struct Telemetry {
     pub at_rest: bool,
     /// Whether the motors are armed.
     pub armed: bool,
-    /// Whether it is landing.
+    /// Whether it is landing, or somebody else flies it.
     pub landing: bool,
+    /// Whether its pilot took it over.
+    pub taken_over: bool,
     /// End of the current leg.
     pub target: Option<Ned>,
     /// Battery charge, as a fraction of a full one.

@@ -5,7 +5,8 @@ use std::time::Duration;
 use crate::schedule::{Schedule, Write};
 use crate::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Decode, DecodeError,
-    Direction, FcVariant, FcVersion, Frame, Identity, Message, RawGps, Rc, SetRawRc, Sonar, Status,
+    Direction, FcVariant, FcVersion, Frame, Identity, Message, Modes, RawGps, Rc, SetRawRc, Sonar,
+    Status,
 };
 
 /// What a controller tells.
@@ -25,7 +26,7 @@ pub enum Telemetry {
 /// An answer that says nothing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum BadAnswer {
-    /// The controller doesn't know the message. It is not asked again.
+    /// The controller doesn't know the message. After three times in a row it is not asked again.
     Refused,
     /// The payload is too short or too long.
     Malformed(DecodeError),
@@ -36,6 +37,8 @@ pub enum BadAnswer {
 pub struct Conversation {
     schedule: Schedule,
     identity: Identity,
+    /// The newest modes.
+    modes: Option<Modes>,
 }
 
 impl Conversation {
@@ -44,14 +47,14 @@ impl Conversation {
     pub fn new(now: Duration) -> Self {
         Self {
             schedule: Schedule::new(now),
-            identity: Identity::default(),
+            ..Self::default()
         }
     }
 
     /// Starts anew with a port that was opened again. The newest sticks are kept.
     pub fn reopen(&mut self, now: Duration) {
         self.schedule.reopen(now);
-        self.identity = Identity::default();
+        (self.identity, self.modes) = (Identity::default(), None);
     }
 
     /// Takes the newest sticks. They are repeated for [`RC_HOLD`](crate::RC_HOLD) at most.
@@ -104,7 +107,18 @@ impl Conversation {
             let is_further = query.page.is_some();
             self.decode(frame, is_further).map_err(BadAnswer::Malformed)
         };
+        if let Ok(Some(Telemetry::Status(status))) = &told {
+            self.confirm(status);
+        }
         Some((delay, told))
+    }
+
+    /// Asks at once again if the modes have changed: a link acts on them when they are told twice.
+    fn confirm(&mut self, status: &Status) {
+        let modes = Some(status.modes());
+        if std::mem::replace(&mut self.modes, modes) != modes {
+            self.schedule.hasten::<Status>();
+        }
     }
 
     fn decode(

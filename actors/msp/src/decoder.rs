@@ -1,8 +1,13 @@
 //! Bytes of a port to frames.
 
+use std::time::Duration;
+
 use crate::frame::{
     CRC8, Direction, FRAME_MAX, Frame, JUMBO, PAYLOAD_MAX, V2_INSIDE, Version, xor,
 };
+
+/// How long a frame may take from its first byte to its last. The longest takes 90 ms at 115,200 baud.
+pub const FRAME_TIME_MAX: Duration = Duration::from_millis(100);
 
 /// What a decoder has read.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -19,15 +24,15 @@ pub struct Counts {
     pub bad_size: u64,
     /// Frames with a wrong checksum.
     pub bad_checksum: u64,
-    /// Unfinished frames that [`Decoder::abandon`] gave up.
-    pub abandoned: u64,
+    /// Frames that took longer than [`FRAME_TIME_MAX`].
+    pub late: u64,
 }
 
 impl Counts {
     /// Frames that were not understood.
     #[must_use]
     pub fn bad(&self) -> u64 {
-        self.bad_header + self.bad_size + self.bad_checksum + self.abandoned
+        self.bad_header + self.bad_size + self.bad_checksum + self.late
     }
 }
 
@@ -41,6 +46,8 @@ pub struct Decoder {
     held: Vec<u8>,
     /// How many bytes the next attempt needs.
     needed: usize,
+    /// Where in the stream the held frame starts, and when it was first looked at.
+    since: Option<(u64, Duration)>,
     counts: Counts,
 }
 
@@ -83,6 +90,7 @@ impl Default for Decoder {
         Self {
             held: Vec::with_capacity(FRAME_MAX),
             needed: HEADER,
+            since: None,
             counts: Counts::default(),
         }
     }
@@ -116,13 +124,22 @@ impl Decoder {
         }
     }
 
-    /// Gives up an unfinished frame, and scans what was held after its first byte. To call when the line has been silent for
-    /// longer than a frame takes: a false header may hold a whole frame back.
-    pub fn abandon(&mut self, mut take: impl FnMut(Frame<'_>)) {
-        while !self.held.is_empty() {
-            self.counts.abandoned += 1;
-            self.skip();
-            self.scan(&mut take);
+    /// Gives up a frame that has taken too long, and scans what was held after its first byte: a false header may hold whole
+    /// frames back. To call after each read, and while nothing is read. `now` is a duration since any start.
+    pub fn expire(&mut self, now: Duration, mut take: impl FnMut(Frame<'_>)) {
+        if self.held.is_empty() {
+            return;
+        }
+        let start = self.counts.bytes - self.held.len() as u64;
+        match self.since {
+            Some((place, since)) if place == start => {
+                if now.saturating_sub(since) >= FRAME_TIME_MAX {
+                    self.counts.late += 1;
+                    self.skip();
+                    self.scan(&mut take);
+                }
+            }
+            _ => self.since = Some((start, now)),
         }
     }
 

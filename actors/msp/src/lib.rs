@@ -22,7 +22,7 @@ pub use channels::{
 };
 pub use configuration::{Ask, Configuration, Identity, OverrideSettings, ask};
 pub use conversation::{BadAnswer, Conversation, Telemetry};
-pub use decoder::{Counts, Decoder};
+pub use decoder::{Counts, Decoder, FRAME_TIME_MAX};
 pub use field::{Counted, Letters, Payload, ShortText, Text, Unused};
 pub use frame::{
     Direction, EncodeError, FRAME_MAX, Frame, PAYLOAD_MAX, REQUEST_MAX, Version, acknowledge,

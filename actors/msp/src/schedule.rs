@@ -18,6 +18,10 @@ pub const RC_HOLD: Duration = Duration::from_millis(100);
 /// asked.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
 
+/// How often in a row a question is refused until it is not asked any more. An altered byte makes an answer a refusal that no
+/// checksum finds.
+const REFUSALS_MAX: u8 = 3;
+
 /// A question that is asked again and again.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Query {
@@ -100,18 +104,41 @@ impl Write {
     }
 }
 
+/// A question that is to be asked.
+#[derive(Debug, Clone, Copy)]
+struct Due {
+    at: Duration,
+    query: Query,
+    /// How often it was refused in a row.
+    refusals: u8,
+}
+
 /// A question that waits for its answer.
 #[derive(Debug, Clone, Copy)]
 struct Outstanding {
-    query: Query,
-    due: Duration,
+    due: Due,
     asked: Duration,
 }
 
 impl Outstanding {
-    /// When to ask again: on a grid, so that a late question doesn't lower its rate.
-    fn next_due(&self, every: Duration) -> Duration {
-        (self.due + every).max(self.asked)
+    /// When to ask again. `None`: never.
+    fn answered(&self, now: Duration, is_refused: bool) -> Option<Due> {
+        let Due {
+            at,
+            query,
+            refusals,
+        } = self.due;
+        let (at, refusals) = if is_refused {
+            (now, refusals + 1)
+        } else {
+            // On a grid, so that a late question doesn't lower its rate.
+            ((at + query.every?).max(self.asked), 0)
+        };
+        (refusals < REFUSALS_MAX).then_some(Due {
+            at,
+            query,
+            refusals,
+        })
     }
 }
 
@@ -121,10 +148,18 @@ pub struct Schedule {
     /// The newest sticks, and when they were given.
     sticks: Option<(Duration, SetRawRc)>,
     rc_due: Duration,
-    /// Questions, with the time when they are due. Ties go to the one that waited longest.
-    queries: VecDeque<(Duration, Query)>,
+    /// Ties go to the one that waited longest.
+    queries: VecDeque<Due>,
     outstanding: Option<Outstanding>,
     lost: u64,
+}
+
+const fn due(at: Duration, query: Query) -> Due {
+    Due {
+        at,
+        query,
+        refusals: 0,
+    }
 }
 
 impl Default for Schedule {
@@ -140,7 +175,7 @@ impl Schedule {
         Self {
             sticks: None,
             rc_due: now,
-            queries: QUERIES.iter().map(|it| (now, *it)).collect(),
+            queries: QUERIES.iter().map(|it| due(now, *it)).collect(),
             outstanding: None,
             lost: 0,
         }
@@ -193,12 +228,19 @@ impl Schedule {
     /// Whether the controller has answered, or refused, all that is asked once.
     #[must_use]
     pub fn is_identified(&self) -> bool {
-        let mut open = self
-            .queries
-            .iter()
-            .map(|it| it.1)
-            .chain(self.outstanding.map(|it| it.query));
+        let waiting = self.outstanding.map(|it| it.due.query);
+        let mut open = self.queries.iter().map(|it| it.query).chain(waiting);
         open.all(|query| query.every.is_some())
+    }
+
+    /// Asks a question again before all others.
+    pub fn hasten<M: Message>(&mut self) {
+        let place = (self.queries.iter()).position(|it| it.query.command == M::COMMAND);
+        if let Some(mut hastened) = place.and_then(|place| self.queries.remove(place)) {
+            let first = self.queries.iter().map(|it| it.at).min();
+            hastened.at = first.map_or(hastened.at, |first| first.min(hastened.at));
+            self.queries.push_front(hastened);
+        }
     }
 
     fn fresh_sticks(&self, now: Duration) -> Option<SetRawRc> {
@@ -213,36 +255,31 @@ impl Schedule {
             }
             self.lost += 1;
             self.outstanding = None;
-            self.queries.push_back((now, outstanding.query));
+            self.queries.push_back(Due {
+                at: now,
+                ..outstanding.due
+            });
         }
-        let due = self.queries.iter().map(|(due, _)| *due).min()?;
-        let place = self
-            .queries
-            .iter()
-            .position(|it| it.0 == due && due <= now)?;
-        let (due, query) = self.queries.remove(place)?;
-        self.outstanding = Some(Outstanding {
-            query,
-            due,
-            asked: now,
-        });
-        Some(query)
+        let first = self.queries.iter().map(|it| it.at).min()?;
+        let place = (self.queries.iter()).position(|it| it.at == first && first <= now)?;
+        let due = self.queries.remove(place)?;
+        self.outstanding = Some(Outstanding { due, asked: now });
+        Some(due.query)
     }
 
-    /// Takes an answer: the question and how long it took, `None` if it answers none. A refused question is not asked again.
+    /// Takes an answer: the question and how long it took, `None` if it answers none. A question that is refused three times
+    /// in a row is not asked again.
     pub fn answered(
         &mut self,
         now: Duration,
         command: u16,
-        refused: bool,
+        is_refused: bool,
     ) -> Option<(Query, Duration)> {
-        let outstanding = self.outstanding.filter(|it| it.query.command == command)?;
+        let outstanding = (self.outstanding).filter(|it| it.due.query.command == command)?;
         self.outstanding = None;
-        let query = outstanding.query;
-        if let (Some(every), false) = (query.every, refused) {
-            self.queries.push_back((outstanding.next_due(every), query));
-        }
-        Some((query, now.saturating_sub(outstanding.asked)))
+        self.queries.extend(outstanding.answered(now, is_refused));
+        let delay = now.saturating_sub(outstanding.asked);
+        Some((outstanding.due.query, delay))
     }
 }
 

@@ -1,6 +1,10 @@
 //! Properties of the decoder on any stream of bytes.
 
-use muster_msp::{Decoder, Direction, FRAME_MAX, Frame, PAYLOAD_MAX, REQUEST_MAX, Version, encode};
+use std::time::Duration;
+
+use muster_msp::{
+    Decoder, Direction, FRAME_MAX, FRAME_TIME_MAX, Frame, PAYLOAD_MAX, REQUEST_MAX, Version, encode,
+};
 use proptest::prelude::*;
 
 /// A frame that owns its payload.
@@ -54,6 +58,16 @@ fn read(decoder: &mut Decoder, bytes: &[u8]) -> Vec<Owned> {
     for piece in bytes.chunks(64) {
         decoder.read(piece, |frame| frames.push(Owned::from(frame)));
         assert!(decoder.held() <= FRAME_MAX);
+    }
+    frames
+}
+
+/// Further frames of a line that stays silent.
+fn wait(decoder: &mut Decoder) -> Vec<Owned> {
+    let (mut frames, mut now) = (Vec::new(), Duration::ZERO);
+    while decoder.held() > 0 {
+        decoder.expire(now, |frame| frames.push(Owned::from(frame)));
+        now += FRAME_TIME_MAX;
     }
     frames
 }
@@ -127,7 +141,7 @@ proptest! {
         let bytes = bytes.concat();
         let mut decoder = Decoder::default();
         let mut frames = read(&mut decoder, &bytes);
-        decoder.abandon(|frame| frames.push(Owned::from(frame)));
+        frames.extend(wait(&mut decoder));
         prop_assert_eq!(decoder.held(), 0);
         let counted: u64 = frames.iter().map(Owned::least_length).sum::<u64>() + decoder.counts().noise_bytes;
         // Noise may be a jumbo frame that needn't be one: its size takes two bytes more.
@@ -168,7 +182,7 @@ proptest! {
         let stream: Vec<u8> = pieces.iter().flat_map(|(noise, frame)| [noise.clone(), frame.bytes()].concat()).collect();
         let mut decoder = Decoder::default();
         let mut read = read(&mut decoder, &stream);
-        decoder.abandon(|frame| read.push(Owned::from(frame)));
+        read.extend(wait(&mut decoder));
         let invented = read.iter().filter(|it| !sent.contains(it)).count();
         prop_assert!(is_subsequence(&sent, &read) || invented > 0, "sent {sent:?}, read {read:?}");
     }
@@ -185,7 +199,7 @@ proptest! {
         bytes[place] ^= change;
         let mut decoder = Decoder::default();
         let mut all = read(&mut decoder, &bytes);
-        decoder.abandon(|frame| all.push(Owned::from(frame)));
+        all.extend(wait(&mut decoder));
         // What lies inside the payload may be a frame of its own; the frame as a whole is refused.
         let whole = all.iter().any(|it| it.payload.len() == frame.payload.len() && it.version == frame.version);
         prop_assert!(!whole, "{all:?}");
@@ -209,7 +223,7 @@ fn a_false_header_costs_no_later_frame() {
         }
         let mut decoder = Decoder::default();
         let mut all = read(&mut decoder, &stream);
-        decoder.abandon(|frame| all.push(Owned::from(frame)));
+        all.extend(wait(&mut decoder));
         all.retain(|it| *it == frame);
         assert_eq!(all.len(), 40, "size {size}: {:?}", decoder.counts());
     }
@@ -228,15 +242,32 @@ fn a_bad_checksum_costs_no_later_frame() {
     );
 }
 
+/// On a line that is never silent.
 #[test]
-fn a_frame_behind_a_false_header_comes_when_the_line_is_silent() {
-    let stream = b"$M<\xc0\x01$M>\x00\xc8\xc8";
+fn a_false_header_holds_frames_back_for_a_tenth_of_a_second_at_most() {
     let mut decoder = Decoder::default();
-    assert_eq!(read(&mut decoder, stream), []);
+    assert_eq!(read(&mut decoder, b"$M<\xfe\x01"), []);
+    let mut now = Duration::from_secs(7);
     let mut late = Vec::new();
-    decoder.abandon(|frame| late.push(frame.command));
-    assert_eq!(late, [200]);
-    assert_eq!(decoder.counts().abandoned, 1);
+    decoder.expire(now, |_| {});
+    for _ in 0..10 {
+        now += FRAME_TIME_MAX / 10;
+        decoder.read(b"$M>\x00\xc8\xc8", |frame| late.push(frame.command));
+        decoder.expire(now, |frame| late.push(frame.command));
+    }
+    assert_eq!(late, [200; 10]);
+    assert_eq!((decoder.counts().late, decoder.counts().bad()), (1, 1));
+}
+
+/// The thread that reads may be held up between the two halves of a frame.
+#[test]
+fn a_frame_that_was_read_late_is_whole() {
+    let mut decoder = Decoder::default();
+    decoder.read(b"$M>\x00", |_| {});
+    decoder.expire(Duration::ZERO, |_| {});
+    assert_eq!(read(&mut decoder, b"\xc8\xc8").len(), 1);
+    decoder.expire(10 * FRAME_TIME_MAX, |_| {});
+    assert_eq!(decoder.counts().bad(), 0);
 }
 
 #[test]

@@ -8,6 +8,7 @@ use std::time::{Duration, Instant};
 
 use muster_controller::{InLoop, MOTORS_BYTES};
 use muster_machines::time::Timestamp;
+use muster_port::raise_priority;
 
 use crate::controller::lock;
 
@@ -39,6 +40,8 @@ pub(super) struct Moved {
 
 impl Moved {
     pub(super) fn run(self) {
+        // Without it a busy machine looks like a lost sensor.
+        let _ = raise_priority();
         let socket = self.sockets.0;
         let mut packet = [0; MOTORS_BYTES + 1];
         let mut due = Instant::now();

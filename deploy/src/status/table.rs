@@ -154,8 +154,13 @@ fn port(port: &PortStatus) -> String {
     if let (PortState::Closed, Some(error)) = (port.state, &port.closed_by) {
         return format!("port {state}: {error}");
     }
+    let fitness = if port.unfit.is_empty() {
+        ""
+    } else {
+        ", not fit to fly"
+    };
     format!(
-        "port {state}, {:.1} ms, {:.0} % lost, RC {}/s, longest gap {:.0} ms",
+        "port {state}{fitness}, {:.1} ms, {:.0} % lost, RC {}/s, longest gap {:.0} ms",
         1e3 * port.latency_s,
         100.0 * port.loss,
         port.rc_per_s,

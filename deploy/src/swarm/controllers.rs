@@ -13,6 +13,7 @@ use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
+use muster_port::raise_priority;
 use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
 use muster_scenarios::controllers::{LOOK_EVERY, config, pose_errors};
@@ -104,7 +105,11 @@ impl Kind {
         let thread = thread::Builder::new().name(format!("controller-{id}"));
         // A connection that breaks is closed, and the process connects again. Without connections at all its port stays
         // closed, which its drone reports.
-        thread.spawn(move || server.listen(&port.listener, drop))?;
+        thread.spawn(move || {
+            // Without it a busy machine looks like a lost receiver.
+            let _ = raise_priority();
+            server.listen(&port.listener, drop)
+        })?;
         Ok(Self::Simulated(controller))
     }
 

@@ -25,6 +25,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
+use muster_machines::msp::controller::Receiver;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::KeysError;
 use muster_runtime::vehicle::VehicleKind;
@@ -249,6 +250,11 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
             let message = "faults of flight controllers are injected into our simulation only, not into a firmware";
             return refuse(message.to_owned());
         }
+    }
+    if scenario.plan.receiver == Receiver::Override {
+        let message =
+            "pilots are simulated in a world only: processes need `vehicle.receiver` = \"sole\"";
+        return refuse(message.to_owned());
     }
     if scenario.plan.is_steered() {
         return refuse("the scenario needs a simulated pilot or operator".to_owned());

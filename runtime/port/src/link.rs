@@ -15,12 +15,12 @@ pub use self::inbox::Event;
 use self::inbox::Inbox;
 use crate::address::Address;
 use crate::fitness;
-use crate::priority;
+use crate::priority::raise_priority;
 use crate::session::{AskError, Session};
 use crate::status::Status;
 use crate::wire::Wire;
 
-/// How long a read waits. A frame that is not whole by then is given up.
+/// How long a read waits.
 const WAIT: Duration = Duration::from_millis(50);
 /// First pause before a port is opened again; it doubles up to the last one.
 const BACK_OFF_MIN: Duration = Duration::from_millis(100);
@@ -178,11 +178,8 @@ fn read_while_open(shared: &Shared, wire: &Wire, back_off: &mut Duration) -> Opt
             frames += 1;
             shared.inbox().take(now, &frame);
         };
-        if length == 0 {
-            decoder.abandon(&mut take);
-        } else {
-            decoder.read(&buffer[..length], &mut take);
-        }
+        decoder.read(&buffer[..length], &mut take);
+        decoder.expire(now, &mut take);
         if frames > 0 {
             *back_off = BACK_OFF_MIN;
             shared.arrived.notify_all();
@@ -194,7 +191,7 @@ fn read_while_open(shared: &Shared, wire: &Wire, back_off: &mut Duration) -> Opt
 
 /// Writes one command a tick.
 fn write_on_time(shared: &Shared) {
-    let is_realtime = priority::raise();
+    let is_realtime = raise_priority();
     shared.inbox().is_realtime = is_realtime;
     let mut bytes = Vec::new();
     let mut due = Instant::now();

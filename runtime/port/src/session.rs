@@ -82,6 +82,7 @@ impl Latency {
 #[derive(Debug)]
 pub struct Session {
     pub(crate) wire: Wire,
+    opened: Instant,
     decoder: Decoder,
     latency: Latency,
 }
@@ -94,6 +95,7 @@ impl Session {
     pub fn open(address: &Address) -> io::Result<Self> {
         Ok(Self {
             wire: Wire::open(address, WAIT)?,
+            opened: Instant::now(),
             decoder: Decoder::default(),
             latency: Latency::default(),
         })
@@ -131,11 +133,8 @@ impl Session {
                     };
                 }
             };
-            if length == 0 {
-                self.decoder.abandon(&mut take);
-            } else {
-                self.decoder.read(&buffer[..length], &mut take);
-            }
+            self.decoder.read(&buffer[..length], &mut take);
+            self.decoder.expire(self.opened.elapsed(), &mut take);
         }
         if answer.is_some() {
             self.latency.add(asked.elapsed());

@@ -9,6 +9,7 @@ use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Barrier, Holds};
 use muster_machines::motion::Landing;
+use muster_machines::msp::controller::Receiver;
 use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::traffic;
@@ -125,6 +126,7 @@ pub fn build_plan(
         landing,
         settle,
         vehicle_kind: raw.vehicle.kind.into(),
+        receiver: receiver(source, raw)?,
         endurance: raw
             .vehicle
             .endurance_s
@@ -151,6 +153,17 @@ fn pose(source: &Source, raw: &Raw) -> Result<Option<PoseSensor>, BadInput> {
         period: Duration::from_millis(pose.period_ms.0),
         delay: Duration::from_millis(pose.delay_ms.0),
     }))
+}
+
+fn receiver(source: &Source, raw: &Raw) -> Result<Receiver, BadInput> {
+    match (&raw.vehicle.receiver, raw.vehicle.kind) {
+        (Some(receiver), VehicleKindName::ClosedForm) => {
+            let message = "`vehicle.receiver` needs `vehicle.kind` = \"msp\"";
+            Err(source.error(receiver.span(), message))
+        }
+        (Some(receiver), VehicleKindName::Msp) => Ok((*receiver.get_ref()).into()),
+        (None, _) => Ok(Receiver::Sole),
+    }
 }
 
 fn separation(raw: &Raw) -> Separation {

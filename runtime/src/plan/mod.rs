@@ -85,6 +85,8 @@ pub struct Plan {
     pub settle: Duration,
     /// What the drones fly.
     pub vehicle_kind: VehicleKind,
+    /// Who else commands the drones' flight controllers.
+    pub receiver: Receiver,
     /// How long a full battery lasts with armed motors. `None`: it does not drain by itself.
     pub endurance: Option<Duration>,
     /// What measures where a vehicle with a flight controller is. `None`: GPS.
@@ -275,7 +277,7 @@ impl Plan {
                 Some(follow) if leads => follow.master.clone(),
                 _ => self.vehicle.clone(),
             },
-            link: self.link(self.vehicle_kind, Stage::Sim, Receiver::Sole),
+            link: self.link(self.vehicle_kind, Stage::Sim, self.receiver),
         }
     }
 }

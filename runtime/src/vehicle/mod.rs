@@ -131,6 +131,7 @@ impl Vehicle {
             at_rest: self.motion.is_at_rest(now),
             armed: self.armed,
             landing: self.is_landing,
+            taken_over: false,
             target: self.target,
             charge: self.battery.charge(now),
         }

@@ -174,7 +174,7 @@ impl Controller {
     /// Bytes from the companion.
     pub fn receive(&mut self, now: Timestamp, bytes: &[u8]) {
         self.advance(now);
-        self.serial.receive(bytes);
+        self.serial.receive(now.since(self.start), bytes);
         self.touch();
     }
 
@@ -231,6 +231,12 @@ impl Controller {
         self.advance(now);
         let is_failsafe = self.firmware.is_active(Mode::Failsafe);
         Truth::of(&self.aircraft, self.firmware.is_armed(), is_failsafe)
+    }
+
+    /// Channels that count, in µs: roll, pitch, yaw, throttle, AUX1, …
+    #[must_use]
+    pub fn channels(&self) -> [u16; CHANNELS] {
+        *self.firmware.receiver.channels()
     }
 
     /// What the port dropped.

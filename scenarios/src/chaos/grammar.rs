@@ -8,8 +8,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
+use muster_machines::msp::controller::Receiver;
 use muster_machines::node::Address;
 use muster_machines::time::Timestamp;
+use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
 use rand::seq::{IndexedRandom, SliceRandom};
 use rand::{Rng, RngExt};
@@ -44,19 +46,23 @@ const BYTES: (f64, f64) = (0.001, 0.2);
 /// Range of the voltage that a battery loses: a pack of four cells has 16.8 V.
 const SAG_V: (f64, f64) = (0.1, 4.0);
 
-/// The kinds of faults that happen to a vehicle of this kind.
-fn kinds_for<R: Rng>(vehicle: VehicleKind) -> impl Iterator<Item = Kind<R>> {
-    let own = match vehicle {
+/// The kinds of faults that happen to the vehicles of a plan.
+fn kinds_for<R: Rng>(plan: &Plan) -> impl Iterator<Item = Kind<R>> {
+    let own = match plan.vehicle_kind {
         VehicleKind::ClosedForm => Vec::new(),
         VehicleKind::Msp => controller_kinds().to_vec(),
     };
-    let common = kinds().into_iter();
-    let common = common.filter(move |(name, _)| vehicle != VehicleKind::Msp || *name != "drain");
-    common.chain(own)
+    let (vehicle, receiver) = (plan.vehicle_kind, plan.receiver);
+    let all = kinds().into_iter().chain(own);
+    all.filter(move |(name, _)| match *name {
+        "drain" => vehicle != VehicleKind::Msp,
+        "take-over" => receiver == Receiver::Override,
+        _ => true,
+    })
 }
 
 /// Faults of flight controllers.
-fn controller_kinds<R: Rng>() -> [Kind<R>; 6] {
+fn controller_kinds<R: Rng>() -> [Kind<R>; 7] {
     [
         ("freeze-controller", |it| {
             it.on_controller(ControllerFault::Freeze)
@@ -79,6 +85,9 @@ fn controller_kinds<R: Rng>() -> [Kind<R>; 6] {
         ("sag-battery", |it| {
             let volts = it.thousandths(SAG_V);
             it.on_controller(ControllerFault::SagBattery(volts))
+        }),
+        ("take-over", |it| {
+            it.on_controller(ControllerFault::TakeOver)
         }),
     ]
 }
@@ -193,7 +202,7 @@ struct Generator<'a, R> {
 
 impl<R: Rng> Generator<'_, R> {
     fn fault(&mut self) -> Fault {
-        let kinds: Vec<Kind<R>> = kinds_for(self.scenario.plan.vehicle_kind).collect();
+        let kinds: Vec<Kind<R>> = kinds_for(&self.scenario.plan).collect();
         let (_, kind) = (kinds.choose(self.rng)).expect("the list of kinds is not empty");
         let kind = kind(self);
         let lasts = kind.can_end() && self.rng.random_ratio(4, 5);

@@ -41,7 +41,12 @@ impl RcGaps {
         self.longest = self.longest.max(now.since(since));
     }
 
-    /// Whether a gap of a drone was too long.
+    /// The longest gap so far.
+    pub(crate) const fn longest(&self) -> Duration {
+        self.longest
+    }
+
+    /// Whether a gap of a drone was too long. To ask whenever frames were sent or looked for.
     pub(crate) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
         (self.longest >= GAP_MAX).then(|| Violation {
             rule: 7,

@@ -226,6 +226,30 @@ pub struct DroneReport {
     pub landed_because: Option<String>,
     /// Number of actor restarts.
     pub restarts: u32,
+    /// Port of its flight controller; `None` without one, or if the drones flew as processes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub port: Option<PortReport>,
+}
+
+/// What the port of a drone's flight controller has counted.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PortReport {
+    /// How often the port was opened.
+    pub opened: u64,
+    /// Frames read.
+    pub frames: u64,
+    /// Bad frames read.
+    pub bad_frames: u64,
+    /// Bytes read that belong to no frame.
+    pub noise_bytes: u64,
+    /// Questions without an answer.
+    pub questions_lost: u64,
+    /// RC frames written.
+    pub rc_sent: u64,
+    /// RC frames that the controller acknowledged.
+    pub rc_acknowledged: u64,
+    /// Longest time between two RC frames that were due, in seconds.
+    pub rc_gap_max_s: f64,
 }
 
 /// The figures of a pure relay.

@@ -282,5 +282,6 @@ fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport 
         landed_because: None,
         restarts: 0,
         following: None,
+        port: None,
     }
 }

@@ -8,11 +8,11 @@ use super::figures::command;
 use super::following::{distances_m, error};
 use super::{
     AgentFailure, Barrier, Bridge, DroneReport, Election, Engine, Flight, FlightOfDrone,
-    FormationChange, History, Means, MediumCounters, ObservedValue, RelayReport, Report, Role,
-    Violation,
+    FormationChange, History, Means, MediumCounters, ObservedValue, PortReport, RelayReport,
+    Report, Role, Violation,
 };
 use crate::scenario::{Joins, Scenario};
-use crate::world::{Outcome, Record, Recorder, SwarmOutcome, track};
+use crate::world::{Outcome, PortFigures, Record, Recorder, SwarmOutcome, track};
 
 /// Report and flight of a finished run.
 pub(crate) fn summary(
@@ -60,8 +60,10 @@ impl Run<'_> {
         let distances_m = distances_m(swarm, flown, outcome.ended);
         let drones: Vec<_> = (flown.recorder.drones())
             .zip(&distances_m)
-            .map(|((id, _), distances_m)| DroneReport {
+            .zip(&flown.ports)
+            .map(|(((id, _), distances_m), port)| DroneReport {
                 following: error(distances_m.clone()),
+                port: port.as_ref().map(PortReport::from),
                 ..drone(id, &flown.recorder)
             })
             .collect();
@@ -163,6 +165,22 @@ fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
         waypoints: record.waypoints(),
         landed_because: record.reason.and_then(unplanned).map(str::to_owned),
         restarts: record.restarts,
+        port: None,
+    }
+}
+
+impl From<&PortFigures> for PortReport {
+    fn from(figures: &PortFigures) -> Self {
+        Self {
+            opened: figures.opened,
+            frames: figures.frames,
+            bad_frames: figures.bad_frames,
+            noise_bytes: figures.noise_bytes,
+            questions_lost: figures.questions_lost,
+            rc_sent: figures.rc_sent,
+            rc_acknowledged: figures.rc_acknowledged,
+            rc_gap_max_s: figures.rc_gap_max.as_secs_f64(),
+        }
     }
 }
 
@@ -226,6 +244,7 @@ pub(super) const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::NetworkLost => Some("its network task failed"),
         LandingReason::JournalLost => Some("its journal could not be written"),
         LandingReason::Controller => Some("its flight controller landed it"),
+        LandingReason::TakenOver => Some("its pilot took it over"),
     }
 }
 

@@ -131,6 +131,8 @@ pub enum ControllerFault {
     DelayBytes(Duration),
     /// The battery's voltage falls by this many volts.
     SagBattery(f64),
+    /// Its pilot takes the sticks, and lands.
+    TakeOver,
 }
 
 /// Frames that are tampered with.
@@ -238,6 +240,7 @@ impl ControllerFault {
             Self::CorruptBytes(_) => FaultKindName::CorruptBytes,
             Self::DelayBytes(_) => FaultKindName::DelayBytes,
             Self::SagBattery(_) => FaultKindName::SagBattery,
+            Self::TakeOver => FaultKindName::TakeOver,
         }
     }
 }

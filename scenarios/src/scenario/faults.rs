@@ -8,7 +8,7 @@ use muster_machines::time::Timestamp;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::plan::file::Source;
 use muster_runtime::plan::raw::{
-    self, DroneName, FaultKindName, Pair, ProtocolKind, Raw, Role, Sender, Whole,
+    self, DroneName, FaultKindName, Pair, ProtocolKind, Raw, ReceiverName, Role, Sender, Whole,
 };
 use muster_runtime::schema::Located;
 use muster_runtime::vehicle::VehicleKind;
@@ -23,6 +23,8 @@ pub(super) fn faults(source: &Source, raw: &Raw, waypoints: usize) -> Result<Vec
     let reader = Reader {
         source,
         vehicle: raw.vehicle.kind.into(),
+        has_pilots: raw.vehicle.receiver.as_ref().map(|it| *it.get_ref())
+            == Some(ReceiverName::Override),
         drones: raw.formation.drones.get_ref().0 + raw.relays.len() as u64,
         last_waypoint: match raw.protocol.kind {
             // A swarm that follows its master, or is on task, reaches waypoint 0 when it has taken off, and no other.
@@ -39,6 +41,8 @@ const CHECKED: &str = "the kind requires it";
 struct Reader<'a> {
     source: &'a Source,
     vehicle: VehicleKind,
+    /// Whether the flight controllers have a pilot's receiver.
+    has_pilots: bool,
     /// Number of drones and relays.
     drones: u64,
     /// The last waypoint that drones reach.
@@ -93,6 +97,9 @@ impl Reader<'_> {
                 "a fault of kind `{name}` needs a vehicle without flight controller; with `vehicle.kind` = \"msp\", use \
                  `sag-battery`"
             ),
+            VehicleKind::Msp if kind == FaultKindName::TakeOver && !self.has_pilots => {
+                format!("a fault of kind `{name}` needs `vehicle.receiver` = \"override\"")
+            }
             VehicleKind::Msp => return Ok(()),
             _ if kind.is_of_controller() => {
                 format!("a fault of kind `{name}` needs `vehicle.kind` = \"msp\"")
@@ -178,6 +185,7 @@ impl Reader<'_> {
                 let volts = fault.volts.as_ref().expect(CHECKED).get_ref().0;
                 self.of_controller(fault, ControllerFault::SagBattery(volts))
             }
+            FaultKindName::TakeOver => self.of_controller(fault, ControllerFault::TakeOver),
             FaultKindName::Cut => self.of_links(fault, LinkFault::Cut),
             FaultKindName::OneWay => self.of_links(fault, LinkFault::OneWay),
             FaultKindName::Heal => self.of_links(fault, LinkFault::Healed),

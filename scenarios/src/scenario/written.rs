@@ -145,7 +145,7 @@ fn insert_keys(kind: &FaultKind, table: &mut Table) {
 
 fn insert_controller_key(fault: ControllerFault, table: &mut Table) {
     let (key, own) = match fault {
-        ControllerFault::Freeze | ControllerFault::ClosePort => return,
+        ControllerFault::Freeze | ControllerFault::ClosePort | ControllerFault::TakeOver => return,
         ControllerFault::LoseBytes(share) | ControllerFault::CorruptBytes(share) => {
             ("share", value(share))
         }

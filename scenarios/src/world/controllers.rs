@@ -2,20 +2,21 @@
 
 use std::time::Duration;
 
-use muster_controller::{Controller, Fault, Truth};
+use muster_controller::{Controller, Fault, PoseSensor, Truth};
 use muster_machines::identity::NodeId;
-use muster_machines::msp::PortEvent;
-use muster_machines::msp::controller::LOST_AFTER;
+use muster_machines::msp::controller::{LOST_AFTER, Receiver};
+use muster_machines::msp::{Introduction, PortEvent};
 use muster_machines::time::Timestamp;
-use muster_msp::{Conversation, Decoder, SetRawRc, Write};
+use muster_msp::{Conversation, Decoder, Direction, Frame, Message, SetRawRc, Write};
 use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::line::Line;
-use crate::checkers::RcGaps;
-use crate::controllers::config;
+use super::pilot::Pilot;
+use crate::checkers::{RcGaps, Violation};
+use crate::controllers::{config, pose_errors};
 use crate::scenario::ControllerFault;
 
 /// Interval at which the world looks at an aircraft in flight: meanwhile it strays by centimetres from a constant velocity.
@@ -28,6 +29,11 @@ struct Attached {
     line: Line,
     conversation: Conversation,
     decoder: Decoder,
+    introduction: Introduction,
+    /// `None` without a pilot's receiver.
+    pilot: Option<Pilot>,
+    /// Measures where the aircraft is. `None` if GPS does.
+    pose: Option<PoseSensor>,
     is_open: bool,
     is_identified: bool,
     /// When the port can be opened again.
@@ -43,6 +49,28 @@ struct Attached {
     looked_at: Option<Timestamp>,
     was_armed: bool,
     gaps: RcGaps,
+    figures: PortFigures,
+}
+
+/// What a port has counted since the start of the run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(crate) struct PortFigures {
+    /// How often it was opened.
+    pub(crate) opened: u64,
+    /// Frames read.
+    pub(crate) frames: u64,
+    /// Bad frames read.
+    pub(crate) bad_frames: u64,
+    /// Bytes read that belong to no frame.
+    pub(crate) noise_bytes: u64,
+    /// Questions without an answer.
+    pub(crate) questions_lost: u64,
+    /// RC frames written.
+    pub(crate) rc_sent: u64,
+    /// RC frames that the controller acknowledged.
+    pub(crate) rc_acknowledged: u64,
+    /// Longest time between two RC frames that were due.
+    pub(crate) rc_gap_max: Duration,
 }
 
 /// What the port of a drone's process does in a tick.
@@ -68,11 +96,16 @@ impl Controllers {
                 plan.vehicle_kind == VehicleKind::Msp && id < plan.layout.formation().drones();
             self.0.push(has_controller.then(|| {
                 let config = config(plan, place);
+                let seed = sensors.next_u64();
+                let pose = plan.pose.map(pose_errors);
                 Attached {
-                    controller: Controller::new(config, sensors.next_u64(), Timestamp::ZERO),
+                    controller: Controller::new(config, seed, Timestamp::ZERO),
+                    pose: pose.map(|errors| PoseSensor::new(errors, seed, Timestamp::ZERO)),
                     line: Line::new(lines.next_u64()),
                     conversation: Conversation::default(),
                     decoder: Decoder::default(),
+                    introduction: Introduction::default(),
+                    pilot: (plan.receiver == Receiver::Override).then(Pilot::default),
                     is_open: true,
                     is_identified: false,
                     closed_until: Timestamp::ZERO,
@@ -83,6 +116,10 @@ impl Controllers {
                     looked_at: None,
                     was_armed: false,
                     gaps: RcGaps::default(),
+                    figures: PortFigures {
+                        opened: 1,
+                        ..PortFigures::default()
+                    },
                 }
             }));
         }
@@ -127,17 +164,30 @@ impl Controllers {
     /// A drone's process has ended, and its port with it.
     pub(super) fn close(&mut self, now: Timestamp, drone: NodeId) {
         if let Some(attached) = self.get(drone) {
+            attached.figures.questions_lost += attached.conversation.lost();
             attached.conversation = Conversation::new(elapsed(now));
+            attached.introduction = Introduction::default();
             attached.is_identified = false;
             attached.heard_at = now;
         }
     }
 
-    /// What a link that starts now is told of its open port.
-    pub(super) fn open_port(&mut self, drone: NodeId) -> Option<PortEvent> {
-        let attached = self.get(drone)?;
-        let identity = attached.conversation.identity().cloned()?;
-        Some(PortEvent::Identified(Box::new(identity)))
+    /// What a link that starts now is told of its port.
+    pub(super) fn introduction(
+        &self,
+        now: Timestamp,
+        drone: NodeId,
+    ) -> impl Iterator<Item = PortEvent> + use<> {
+        let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
+        let events = attached.map(|it| it.introduction.events(now));
+        events.into_iter().flatten()
+    }
+
+    /// A drone's pilot, if there is one, sees whether the drone is to take off.
+    pub(super) fn show_pilot(&mut self, drone: NodeId, is_to_take_off: bool) {
+        if let Some(pilot) = self.get(drone).and_then(|it| it.pilot.as_mut()) {
+            pilot.is_to_take_off = is_to_take_off;
+        }
     }
 
     /// Injects a fault.
@@ -172,6 +222,11 @@ impl Controllers {
                 attached.controller.fault(now, Fault::Sag(volts));
                 attached.sags_until = Some(until);
             }
+            ControllerFault::TakeOver => {
+                if let Some(pilot) = &mut attached.pilot {
+                    pilot.take_over();
+                }
+            }
         }
     }
 
@@ -182,29 +237,15 @@ impl Controllers {
         now: Timestamp,
         drone: NodeId,
         state: PortState,
-        mut tell: impl FnMut(PortEvent),
+        tell: impl FnMut(PortEvent),
     ) -> Option<(Truth, Timestamp)> {
         let attached = self.get(drone)?;
-        attached.recover(now);
-        let sent = attached.controller.transmit(now);
-        let received = attached.line.carry_in(now, sent);
-        let mut written = Vec::new();
-        if state != PortState::Still {
-            attached.open_or_close(now, &mut tell);
-            if attached.is_open {
-                attached.read(now, &received, &mut tell);
-                attached.write(now, &mut written);
-            }
-        }
-        let arrived = attached.line.carry_out(now, written);
-        if !arrived.is_empty() {
-            attached.controller.receive(now, &arrived);
-        }
-        let truth = attached.controller.aircraft(now);
+        let truth = attached.exchange(now, state, tell);
         attached.look_for_loss(now, &truth);
         let is_open = attached.is_identified && state == PortState::Runs;
         let rc_is_due = truth.is_armed && is_open && !attached.is_lost;
         attached.gaps.look(now, rc_is_due);
+        attached.fly_by_hand(now, &truth);
         let is_due = attached
             .looked_at
             .is_none_or(|at| now.since(at) >= LOOK_EVERY);
@@ -217,16 +258,79 @@ impl Controllers {
         None
     }
 
-    /// The longest gap between two RC frames of any drone, while it must have sent them.
-    pub(super) fn rc_gaps(&self) -> impl Iterator<Item = (NodeId, &RcGaps)> {
-        let all = (0..).map(NodeId).zip(&self.0);
-        all.filter_map(|(id, attached)| Some((id, &attached.as_ref()?.gaps)))
+    /// Whether a drone's controller has waited for RC for too long.
+    pub(super) fn check_rc(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
+        let attached = self.0.get(drone.0 as usize)?.as_ref()?;
+        attached.gaps.check(now, drone)
+    }
+
+    /// What the port of a drone's flight controller has counted; `None` without one.
+    pub(super) fn figures(&self, drone: NodeId) -> Option<PortFigures> {
+        let attached = self.0.get(drone.0 as usize)?.as_ref()?;
+        let counts = attached.decoder.counts();
+        Some(PortFigures {
+            frames: counts.frames,
+            bad_frames: counts.bad(),
+            noise_bytes: counts.noise_bytes,
+            questions_lost: attached.figures.questions_lost + attached.conversation.lost(),
+            rc_gap_max: attached.gaps.longest(),
+            ..attached.figures
+        })
     }
 }
 
 impl Attached {
     fn is_frozen(&self, now: Timestamp) -> bool {
         self.frozen_until.is_some_and(|until| now < until)
+    }
+
+    /// Carries bytes both ways. Returns the state of the aircraft after it.
+    fn exchange(
+        &mut self,
+        now: Timestamp,
+        state: PortState,
+        mut tell: impl FnMut(PortEvent),
+    ) -> Truth {
+        self.recover(now);
+        let sent = self.controller.transmit(now);
+        let received = self.line.carry_in(now, sent);
+        let mut written = Vec::new();
+        if state != PortState::Still {
+            let mut events = Vec::new();
+            self.open_or_close(now, &mut events);
+            if self.is_open {
+                self.read(now, &received, &mut events);
+                self.write(now, &mut written);
+            }
+            for event in events {
+                self.introduction.take(now, &event);
+                tell(event);
+            }
+            self.measure_pose(now, &mut tell);
+        }
+        let arrived = self.line.carry_out(now, written);
+        if !arrived.is_empty() {
+            self.controller.receive(now, &arrived);
+        }
+        self.controller.aircraft(now)
+    }
+
+    fn measure_pose(&mut self, now: Timestamp, tell: &mut impl FnMut(PortEvent)) {
+        if let Some(sensor) = &mut self.pose {
+            let position = self.controller.aircraft(now).position;
+            sensor.measure(now, position);
+            while let Some(pose) = sensor.arrived(now) {
+                tell(PortEvent::Pose(pose));
+            }
+        }
+    }
+
+    /// The pilot sees the aircraft, and moves sticks and switches.
+    fn fly_by_hand(&mut self, now: Timestamp, truth: &Truth) {
+        let moved = self.pilot.as_mut().and_then(|it| it.moves(now, truth));
+        if let Some(channels) = moved {
+            self.controller.pilot(now, Some(&channels));
+        }
     }
 
     fn look_for_loss(&mut self, now: Timestamp, truth: &Truth) {
@@ -248,34 +352,38 @@ impl Attached {
     }
 
     /// Notices that the port is closed, or opens it again.
-    fn open_or_close(&mut self, now: Timestamp, tell: &mut impl FnMut(PortEvent)) {
+    fn open_or_close(&mut self, now: Timestamp, events: &mut Vec<PortEvent>) {
         let is_open = now >= self.closed_until;
         if is_open == self.is_open {
             return;
         }
         self.is_open = is_open;
         self.is_identified = false;
+        self.figures.opened += u64::from(is_open);
+        self.figures.questions_lost += self.conversation.lost();
         self.conversation.reopen(elapsed(now));
-        if is_open {
-            self.decoder = Decoder::default();
-        } else {
-            tell(PortEvent::Closed);
+        if !is_open {
+            events.push(PortEvent::Closed);
         }
     }
 
-    fn read(&mut self, now: Timestamp, received: &[u8], tell: &mut impl FnMut(PortEvent)) {
-        let conversation = &mut self.conversation;
-        self.decoder.read(received, |frame| {
+    fn read(&mut self, now: Timestamp, received: &[u8], events: &mut Vec<PortEvent>) {
+        let (conversation, figures) = (&mut self.conversation, &mut self.figures);
+        let mut take = |frame: Frame<'_>| {
+            let is_rc = frame.command == SetRawRc::COMMAND && frame.direction == Direction::Reply;
+            figures.rc_acknowledged += u64::from(is_rc);
             if let Some((_, Ok(Some(telemetry)))) = conversation.take(elapsed(now), &frame) {
                 self.heard_at = now;
-                tell(PortEvent::Told(telemetry));
+                events.push(PortEvent::Told(telemetry));
             }
-        });
+        };
+        self.decoder.read(received, &mut take);
+        self.decoder.expire(elapsed(now), &mut take);
         if !self.is_identified
             && let Some(identity) = self.conversation.identity()
         {
             self.is_identified = true;
-            tell(PortEvent::Identified(Box::new(identity.clone())));
+            events.push(PortEvent::Identified(Box::new(identity.clone())));
         }
     }
 
@@ -285,6 +393,7 @@ impl Attached {
         };
         if matches!(write, Write::Rc(_)) {
             self.gaps.sent(now);
+            self.figures.rc_sent += 1;
         }
         write.encode(bytes);
     }
@@ -293,3 +402,6 @@ impl Attached {
 fn elapsed(now: Timestamp) -> Duration {
     now.since(Timestamp::ZERO)
 }
+
+#[cfg(test)]
+mod tests;

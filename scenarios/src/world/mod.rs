@@ -24,6 +24,7 @@ mod links;
 mod message;
 mod mirror;
 mod outcome;
+mod pilot;
 mod positions;
 mod processes;
 mod recorder;
@@ -46,6 +47,7 @@ use muster_machines::time::Timestamp;
 use muster_machines::{msp, routing, wire};
 
 pub use self::controllers::LOOK_EVERY;
+pub(crate) use self::controllers::PortFigures;
 use self::event::Event;
 pub(crate) use self::injection::{Injection, Phase};
 pub use self::line::Line;
@@ -201,11 +203,11 @@ impl World {
         self.scene.core.checkers.starting(drone, address);
         self.scene.links.invalidate();
         self.scene.processes[drone].actors.bring_up(address);
-        if address == Address::Msp
-            && let Some(open) = self.scene.controllers.open_port(drone)
-        {
-            let open = msp::Input::Port(open);
-            self.scene.core.post(drone, Envelope::Msp(Box::new(open)));
+        if address == Address::Msp {
+            let core = &mut self.scene.core;
+            for event in self.scene.controllers.introduction(core.now(), drone) {
+                core.post(drone, Envelope::Msp(Box::new(msp::Input::Port(event))));
+            }
         }
         let swarm = self.scene.core.swarms.of(drone);
         if swarm.recorder.is_electing() && relays_frames(drone, swarm, &self.scene.processes) {
@@ -244,17 +246,20 @@ impl World {
     /// Ends the run: the last checks, and the outcome.
     pub(crate) fn finish(mut self) -> Outcome {
         let (core, controllers) = (&mut self.scene.core, &self.scene.controllers);
-        let mut found = controllers.rc_gaps();
-        let found = found.find_map(|(drone, gaps)| gaps.check(core.timeline.now(), drone));
-        core.checkers.report(found);
         let now = core.now();
         let is_stuck = |id| controllers.is_frozen(now, id);
         let (vehicles, closest_m) = (self.scene.airspace).finish(core, is_stuck);
         let ended = self.scene.core.now();
+        let mut ports = (0..).map(NodeId).map(|id| controllers.figures(id));
         let mut vehicles = vehicles.into_iter();
         let swarms = self.scene.core.swarms.finish().map(|(recorder, nodes)| {
             let vehicles = vehicles.by_ref().take(nodes).collect();
-            SwarmOutcome { recorder, vehicles }
+            let ports = ports.by_ref().take(nodes).collect();
+            SwarmOutcome {
+                recorder,
+                vehicles,
+                ports,
+            }
         });
         Outcome {
             swarms: swarms.collect(),

@@ -7,6 +7,7 @@ use muster_machines::time::Timestamp;
 use muster_runtime::vehicle::Vehicle;
 use muster_transport::sim::Counters;
 
+use super::controllers::PortFigures;
 use super::injection::Injection;
 use super::recorder::{Record, Recorder};
 use crate::checkers::Violation;
@@ -33,6 +34,8 @@ pub(crate) struct SwarmOutcome {
     pub(crate) recorder: Recorder,
     /// Of drones first, then of relays.
     pub(crate) vehicles: Vec<Vehicle>,
+    /// Of drones first, then of relays; `None` without a flight controller.
+    pub(crate) ports: Vec<Option<PortFigures>>,
 }
 
 /// The positions of a vehicle from arming to disarming: each second, and at each turn.

@@ -175,9 +175,13 @@ impl Scene {
             () => PortState::Runs,
         };
         let now = core.now();
+        let drone_state = core.swarms.of(drone).recorder.state(drone);
+        let is_to_take_off = drone_state == mission::State::TakingOff;
+        self.controllers.show_pilot(drone, is_to_take_off);
         let flown = self.controllers.tick(now, drone, state, |event| {
             core.post(drone, Envelope::Msp(Box::new(msp::Input::Port(event))));
         });
+        core.checkers.report(self.controllers.check_rc(now, drone));
         if let Some((truth, until)) = flown {
             self.airspace
                 .observe(core, &mut self.air, drone, &truth, until);

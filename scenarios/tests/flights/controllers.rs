@@ -37,13 +37,25 @@ fn assert_came_down(report: &Report, what: &str) {
 }
 
 #[test]
-fn half_a_percent_of_altered_bytes_breaks_no_rule() {
-    for seed in SEEDS {
-        let noise = |drone| {
-            format!(r#"{{ at_s = 0, kind = "corrupt-bytes", drone = {drone}, share = 0.005 }}"#)
+fn half_a_percent_of_bad_bytes_on_every_line_changes_no_flight() {
+    for seed in 1..=10 {
+        let kind = if seed % 2 == 0 {
+            "lose-bytes"
+        } else {
+            "corrupt-bytes"
         };
-        let report = flown(seed, &[0, 1, 2].map(noise).join(", "));
-        assert!(report.mission_completed, "{seed}");
+        let noise =
+            |drone| format!(r#"{{ at_s = 0, kind = "{kind}", drone = {drone}, share = 0.005 }}"#);
+        let faults = [0, 1, 2].map(noise).join(", ");
+        let report = flown(&format!("seed={seed}"), &faults);
+        assert_completed(&report, &format!("seed {seed}, {kind}"));
+        for drone in &report.drones {
+            let port = drone.port.as_ref().expect("it has a flight controller");
+            assert!(
+                port.bad_frames > 100 && port.noise_bytes > port.bad_frames,
+                "{port:?}"
+            );
+        }
     }
 }
 
@@ -93,4 +105,28 @@ fn rc_has_no_gap_when_each_actor_crashes_every_three_seconds() {
 fn a_sagging_battery_brings_its_drone_down() {
     let sag = r#"{ at_s = 30, kind = "sag-battery", drone = 1, volts = 3 }"#;
     assert_came_down(&flown("seed=1", sag), sag);
+}
+
+#[test]
+fn a_drone_whose_pilot_takes_over_lands_for_the_swarm_and_the_others_finish() {
+    for seed in SEEDS {
+        let fault = r#"{ at_s = 30, kind = "take-over", drone = 1 }"#;
+        let faults = format!("faults=[{fault}]");
+        let pilots = "vehicle.receiver=override";
+        let scenario = scenario("chaos-controllers.toml", &[seed, pilots, &faults]);
+        let events = fly(&scenario, Engine::Events);
+        assert_eq!(events.trace, fly(&scenario, Engine::Actors).trace);
+        assert_eq!(events.violations, []);
+        assert_came_down(&events, seed);
+        let because = events.drones[1].landed_because.as_deref();
+        assert_eq!(because, Some("its pilot took it over"));
+    }
+}
+
+#[test]
+fn drones_with_pilots_fly_a_mission() {
+    let scenario = scenario("chaos-controllers.toml", &["vehicle.receiver=override"]);
+    let report = fly(&scenario, Engine::Events);
+    assert_eq!(report.violations, []);
+    assert_completed(&report, "with pilots");
 }

@@ -100,6 +100,8 @@ pub enum LandingReason {
     JournalLost,
     /// The process could not receive any more.
     NetworkLost,
+    /// The pilot took the aircraft over.
+    TakenOver,
 }
 
 /// Observable outputs of a mission.

@@ -294,10 +294,10 @@ impl Mission {
         self.outbox.transmit(Transmit::Stop);
     }
 
-    /// The flight controller lands the drone without a command.
-    fn handle_uncommanded_landing(&mut self) {
+    /// The flight controller lands the drone without a command, or its pilot flies it.
+    fn handle_uncommanded_landing(&mut self, reason: LandingReason) {
         if self.durable.state.is_on_mission() || self.durable.state == State::MovingToLand {
-            self.land_on_the_spot(LandingReason::Controller);
+            self.land_on_the_spot(reason);
         }
     }
 
@@ -368,7 +368,10 @@ impl Machine for Mission {
                 self.handle_position(now, position, velocity);
             }
             Input::Navigation(NavigationNotice::UncommandedLanding) => {
-                self.handle_uncommanded_landing();
+                self.handle_uncommanded_landing(LandingReason::Controller);
+            }
+            Input::Navigation(NavigationNotice::TakenOver) => {
+                self.handle_uncommanded_landing(LandingReason::TakenOver);
             }
             Input::Navigation(NavigationNotice::Landed) => self.handle_touchdown(),
             Input::Navigation(NavigationNotice::Failing {

@@ -56,6 +56,8 @@ pub enum Notice {
     },
     /// The vehicle is landing without a command to land.
     UncommandedLanding,
+    /// The vehicle's pilot took it over.
+    TakenOver,
     /// The drone is on the ground and disarmed.
     Landed,
     /// A failure that was not reported before. On a lost position or a fence breach the drone holds until it gets

@@ -245,7 +245,11 @@ impl Navigation {
     fn report_not_flying(&mut self, now: Timestamp, telemetry: &Telemetry) {
         if telemetry.armed {
             self.announce_descent(now, telemetry);
-            self.inform(Notice::UncommandedLanding);
+            self.inform(if telemetry.taken_over {
+                Notice::TakenOver
+            } else {
+                Notice::UncommandedLanding
+            });
         } else {
             self.inform(Notice::Landed);
         }

@@ -29,6 +29,7 @@ const ON_THE_GROUND: Telemetry = Telemetry {
     at_rest: true,
     armed: false,
     landing: false,
+    taken_over: false,
     target: None,
     position_lost_for: None,
     charge: 1.0,
@@ -146,6 +147,12 @@ fn uncommanded_landing_is_reported_while_hovering() {
     };
     let output = handle(&mut navigation, Input::Telemetry(coming_down));
     assert_eq!(output, [Transmit::Inform(Notice::UncommandedLanding)]);
+    let taken_over = Telemetry {
+        taken_over: true,
+        ..coming_down
+    };
+    let output = handle(&mut navigation, Input::Telemetry(taken_over));
+    assert_eq!(output, [Transmit::Inform(Notice::TakenOver)]);
     let output = handle(&mut navigation, Input::Telemetry(ON_THE_GROUND));
     assert_eq!(output, [Transmit::Inform(Notice::Landed)]);
 }

@@ -134,23 +134,45 @@ fn every_question_is_asked_as_often_as_it_should_be() {
     }
 }
 
-#[test]
-fn a_refused_question_is_not_asked_again() {
+/// How often GPS is asked in 2 s, if these of its answers are refusals.
+fn asked_of_gps(is_refused: impl Fn(u32) -> bool) -> u32 {
     let mut line = Line::new();
     line.answers = false;
-    let mut refused = 0;
+    let mut asked = 0;
     for _ in 0..200 {
         if let Some(Write::Request(query)) = line.tick(TICK) {
-            refused += u32::from(query.command == RawGps::COMMAND);
+            asked += u32::from(query.command == RawGps::COMMAND);
         }
         if let Some(command) = line.asked.take() {
-            let answer = line
-                .schedule
-                .answered(line.now, command, command == RawGps::COMMAND);
+            let is_refused = command == RawGps::COMMAND && is_refused(asked);
+            let answer = line.schedule.answered(line.now, command, is_refused);
             assert!(answer.is_some());
         }
     }
-    assert_eq!(refused, 1);
+    asked
+}
+
+#[test]
+fn a_question_that_is_refused_three_times_in_a_row_is_not_asked_again() {
+    assert_eq!(asked_of_gps(|_| true), 3);
+}
+
+#[test]
+fn a_refusal_that_is_noise_ends_no_question() {
+    let asked = asked_of_gps(|nth| nth % 3 != 0);
+    assert!(asked > 20, "{asked}");
+}
+
+#[test]
+fn a_hastened_question_is_the_next_one_and_keeps_its_rate() {
+    let mut line = Line::new();
+    line.run(1_003, true);
+    line.schedule.hasten::<Status>();
+    let (_, asked) = line.run(4, true);
+    assert_eq!(asked[0].command, Status::COMMAND);
+    let (_, asked) = line.run(1_000, true);
+    let of_status = asked.iter().filter(|it| it.command == Status::COMMAND);
+    assert!((45..=51).contains(&of_status.count()));
 }
 
 #[test]

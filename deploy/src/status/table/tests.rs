@@ -122,9 +122,10 @@ fn slow_agent_is_remarked_and_one_that_is_not_slow_is_not() {
 }
 
 #[test]
-fn port_of_a_flight_controller_is_remarked_and_a_closed_one_says_why() {
+fn port_of_a_flight_controller_is_remarked_and_a_closed_or_unfit_one_says_so() {
     let port = |state, closed_by: Option<&str>| PortStatus {
         state,
+        unfit: Vec::new(),
         closed_by: closed_by.map(str::to_owned),
         opened: 1,
         latency_s: 0.0104,
@@ -141,7 +142,12 @@ fn port_of_a_flight_controller_is_remarked_and_a_closed_one_says_why() {
         port: Some(port),
         ..status(drone)
     };
+    let unfit = PortStatus {
+        unfit: vec!["failsafe-procedure: it falls when RC is lost".to_owned()],
+        ..port(PortState::Open, None)
+    };
     let answers = [
+        answer(Some(0), Ok(with_port(0, unfit))),
         answer(Some(1), Ok(with_port(1, port(PortState::Open, None)))),
         answer(
             Some(2),
@@ -156,6 +162,7 @@ fn port_of_a_flight_controller_is_remarked_and_a_closed_one_says_why() {
     assert_eq!(
         remarks,
         [
+            " drone 0      port open, not fit to fly, 10.4 ms, 2 % lost, RC 50/s, longest gap 21 ms",
             " drone 1      port open, 10.4 ms, 2 % lost, RC 50/s, longest gap 21 ms",
             " drone 2      port closed: no such device",
         ]

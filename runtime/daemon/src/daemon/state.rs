@@ -189,7 +189,7 @@ impl State {
     /// Tells a link that has just started of its port. It is told as soon as it runs and has room.
     fn introduce_port(&mut self, now: Timestamp) {
         if self.is_link_new {
-            let mut events = self.vehicle.introduction().into_iter();
+            let mut events = self.vehicle.introduction(now);
             self.is_link_new = !events.all(|event| self.post_port_event(now, event));
         }
     }
@@ -197,7 +197,7 @@ impl State {
     /// An event of the port to the flight controller.
     pub(super) fn port_told(&mut self, now: Timestamp, event: PortEvent) {
         self.introduce_port(now);
-        if self.vehicle.port_told(&event) {
+        if self.vehicle.port_told(now, &event) {
             self.post_port_event(now, event);
         }
     }

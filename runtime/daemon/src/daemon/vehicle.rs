@@ -6,11 +6,11 @@ use std::time::Duration;
 
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::msp::controller::{Receiver, Stage};
-use muster_machines::msp::{FlightCommand, PortEvent, Telemetry};
+use muster_machines::msp::{FlightCommand, Introduction, PortEvent, Telemetry};
 use muster_machines::time::Timestamp;
+use muster_msp::SetRawRc;
 use muster_msp::check::{Finding, ReceiverMode};
-use muster_msp::{SetRawRc, Status, Telemetry as Told};
-use muster_port::{Event, Link, State};
+use muster_port::{Event, Link};
 use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use tokio::sync::mpsc;
 
@@ -27,7 +27,7 @@ pub(super) enum Vehicle {
     /// In closed form.
     Simulated(Box<SimulatedVehicle>),
     /// Behind a port.
-    Controlled(Controlled),
+    Controlled(Box<Controlled>),
 }
 
 /// A flight controller behind a port.
@@ -37,8 +37,7 @@ pub(super) struct Controlled {
     flies: bool,
     /// What the navigation was told last.
     telemetry: Telemetry,
-    /// The controller's newest status since it said who it is.
-    status: Option<Status>,
+    introduction: Introduction,
 }
 
 impl Vehicle {
@@ -90,15 +89,14 @@ impl Vehicle {
     }
 
     /// An event of the port. Returns whether it is for the link.
-    pub(super) fn port_told(&mut self, event: &PortEvent) -> bool {
-        if let Self::Controlled(controlled) = self {
-            match event {
-                PortEvent::Told(Told::Status(status)) => controlled.status = Some(status.clone()),
-                PortEvent::Told(_) | PortEvent::Pose(_) => {}
-                PortEvent::Identified(_) | PortEvent::Closed => controlled.status = None,
-            }
+    pub(super) fn port_told(&mut self, now: Timestamp, event: &PortEvent) -> bool {
+        let is_for_link = *event == PortEvent::Closed || self.refused().is_empty();
+        if let Self::Controlled(controlled) = self
+            && is_for_link
+        {
+            controlled.introduction.take(now, event);
         }
-        *event == PortEvent::Closed || self.refused().is_empty()
+        is_for_link
     }
 
     /// Why the flight controller is refused: it is not fit to fly. Its link is not told who it is, so that it sends no RC.
@@ -110,20 +108,13 @@ impl Vehicle {
         }
     }
 
-    /// What a link that has just started is told of its port: who the controller is, and its newest status if it answers, so
-    /// that the link gives RC before the next one. Empty if the controller is not known.
-    pub(super) fn introduction(&self) -> Vec<PortEvent> {
-        let (Self::Controlled(controlled), Some(port)) = (self, self.port()) else {
-            return Vec::new();
+    /// What a link that has just started is told of its port.
+    pub(super) fn introduction(&self, now: Timestamp) -> impl Iterator<Item = PortEvent> + use<> {
+        let events = match self {
+            Self::Simulated(_) => None,
+            Self::Controlled(controlled) => Some(controlled.introduction.events(now)),
         };
-        let Some(identity) = port.identity.filter(|_| self.refused().is_empty()) else {
-            return Vec::new();
-        };
-        let mut events = vec![PortEvent::Identified(Box::new(identity))];
-        if let (State::Open, Some(status)) = (port.state, &controlled.status) {
-            events.push(PortEvent::Told(Told::Status(status.clone())));
-        }
-        events
+        events.into_iter().flatten()
     }
 
     /// Replaces the state of a simulated vehicle. Its times count from `epoch`.
@@ -188,15 +179,17 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
         at_rest: true,
         armed: false,
         landing: false,
+        taken_over: false,
         target: None,
         charge: 1.0,
     };
-    let vehicle = Vehicle::Controlled(Controlled {
+    let controlled = Controlled {
         port,
         flies: config.stage != Stage::Bench,
         telemetry,
-        status: None,
-    });
+        introduction: Introduction::default(),
+    };
+    let vehicle = Vehicle::Controlled(Box::new(controlled));
     Ok((vehicle, events))
 }
 

@@ -110,6 +110,8 @@ pub enum FaultKindName {
     DelayBytes,
     /// The battery's voltage falls by `volts`. Only with `vehicle.kind = "msp"`.
     SagBattery,
+    /// The pilot takes the sticks, for good, and lands. Only with `vehicle.receiver = "override"`.
+    TakeOver,
     /// No frame gets through, either way.
     Cut,
     /// No frame gets through from the second drone or group to the first.
@@ -150,7 +152,7 @@ impl Keys {
 
 impl FaultKindName {
     /// All kinds, in the order of the reference.
-    pub const ALL: [Self; 25] = [
+    pub const ALL: [Self; 26] = [
         Self::CrashActor,
         Self::Hang,
         Self::Restart,
@@ -167,6 +169,7 @@ impl FaultKindName {
         Self::CorruptBytes,
         Self::DelayBytes,
         Self::SagBattery,
+        Self::TakeOver,
         Self::Cut,
         Self::OneWay,
         Self::Heal,
@@ -190,7 +193,7 @@ impl FaultKindName {
             Self::LoseBytes | Self::CorruptBytes => Keys::new(&["drone", "share"], &["for_s"]),
             Self::DelayBytes => Keys::new(&["drone", "by_ms"], &["for_s"]),
             Self::SagBattery => Keys::new(&["drone", "volts"], &["for_s"]),
-            Self::Kill | Self::CrashAircraft | Self::Replay | Self::Forge => {
+            Self::Kill | Self::CrashAircraft | Self::Replay | Self::Forge | Self::TakeOver => {
                 Keys::new(&["drone"], &[])
             }
             Self::Drain => Keys::new(&["drone", "charge"], &[]),
@@ -215,6 +218,7 @@ impl FaultKindName {
                 | Self::CorruptBytes
                 | Self::DelayBytes
                 | Self::SagBattery
+                | Self::TakeOver
         )
     }
 
@@ -238,6 +242,7 @@ impl FaultKindName {
             Self::CorruptBytes => "corrupt-bytes",
             Self::DelayBytes => "delay-bytes",
             Self::SagBattery => "sag-battery",
+            Self::TakeOver => "take-over",
             Self::Cut => "cut",
             Self::OneWay => "one-way",
             Self::Heal => "heal",

@@ -23,8 +23,8 @@ pub use self::fault::{
 pub use self::limits::Limits;
 pub use self::names::{
     AloneName, AssignmentName, BarrierName, ExposureName, FormationKind, GroundName, LivenessName,
-    MediumName, ModelName, Parameters, ParametersName, PolicyName, ProtocolKind, SuccessionName,
-    VehicleKindName,
+    MediumName, ModelName, Parameters, ParametersName, PolicyName, ProtocolKind, ReceiverName,
+    SuccessionName, VehicleKindName,
 };
 pub use self::numbers::{
     Heading, Height, Length, Microseconds, Milliseconds, Offset, PartsPerMillion, Rate, Seconds,
@@ -391,6 +391,9 @@ pub struct Vehicle {
     /// What flies.
     #[serde(default)]
     pub kind: VehicleKindName,
+    /// Who else commands the flight controllers.
+    #[schemars(extend("x-default" = "\"sole\"", "x-condition" = "only with `kind` = \"msp\""))]
+    pub receiver: Option<Located<ReceiverName>>,
     /// Speed over ground; 10 m/s as in ArduCopter's `WPNAV_SPEED` and the theses.
     #[serde(default)]
     pub speed_mps: Or<Rate, 10>,

@@ -2,6 +2,7 @@
 
 use muster_machines::formation::Exposure;
 use muster_machines::mission::{Alone, Barrier, Liveness, Succession};
+use muster_machines::msp::controller::Receiver;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -179,6 +180,24 @@ impl From<VehicleKindName> for VehicleKind {
         match name {
             VehicleKindName::ClosedForm => Self::ClosedForm,
             VehicleKindName::Msp => Self::Msp,
+        }
+    }
+}
+
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum ReceiverName {
+    /// Nobody: MSP is the only receiver.
+    Sole,
+    /// A pilot arms and disarms, gives MSP the sticks by a switch, and may take them back; simulated in a simulation.
+    Override,
+}
+
+impl From<ReceiverName> for Receiver {
+    fn from(name: ReceiverName) -> Self {
+        match name {
+            ReceiverName::Sole => Self::Sole,
+            ReceiverName::Override => Self::Override,
         }
     }
 }

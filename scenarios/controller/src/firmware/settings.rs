@@ -218,6 +218,15 @@ impl Settings {
         settings
     }
 
+    /// As [`Settings::fit`], with a pilot's receiver: the first version that gives the sticks back when RC stops.
+    #[must_use]
+    pub fn fit_overriding() -> Self {
+        Self {
+            failsafe: Self::fit().failsafe,
+            ..Self::overriding(Version::DROPS_STALE_OVERRIDE)
+        }
+    }
+
     /// As [`Settings::sole`], with a pilot's receiver; the companion may replace the four sticks while AUX3 is above 1,700 µs.
     #[must_use]
     pub fn overriding(version: Version) -> Self {

@@ -3,8 +3,9 @@
 pub(crate) mod answers;
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
-use muster_msp::{Decoder, Direction, Encode, Version};
+use muster_msp::{Decoder, Direction, Encode, Frame, Version};
 
 /// Longest payload of a request (`MSP_PORT_INBUF_SIZE`); longer ones are dropped without a reply.
 const PAYLOAD_MAX: usize = 192;
@@ -48,9 +49,9 @@ pub(crate) struct Serial {
 
 impl Serial {
     /// Takes bytes. What holds no request, or has a wrong checksum, stays without a reply.
-    pub(crate) fn receive(&mut self, bytes: &[u8]) {
+    pub(crate) fn receive(&mut self, now: Duration, bytes: &[u8]) {
         let (requests, dropped) = (&mut self.requests, &mut self.dropped);
-        self.decoder.read(bytes, |frame| {
+        let mut take = |frame: Frame<'_>| {
             if frame.direction != Direction::Request {
                 return;
             }
@@ -66,7 +67,9 @@ impl Serial {
                     payload: frame.payload.to_vec(),
                 });
             }
-        });
+        };
+        self.decoder.read(bytes, &mut take);
+        self.decoder.expire(now, &mut take);
     }
 
     /// The next request.

@@ -7,6 +7,7 @@ mod companion;
 mod determinism;
 mod failsafe;
 mod flight;
+mod link;
 mod overriding;
 mod port;
 mod recorded;

@@ -3,25 +3,13 @@
 use std::time::Duration;
 
 use super::config::{Receiver, Stage};
+use super::reports::Reported;
 use crate::time::Timestamp;
 
 /// Time with the arm switch low and the throttle closed before it may go high. Betaflight must have seen it low.
 const LOW_FIRST: Duration = Duration::from_millis(500);
 /// Time after which an arm switch that armed nothing goes low again.
 const GIVE_UP_AFTER: Duration = Duration::from_secs(1);
-
-/// What the controller says of itself.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(super) struct Reported {
-    /// The motors are armed.
-    pub(super) armed: bool,
-    /// Something prevents arming, besides an arm switch that is high.
-    pub(super) is_prevented: bool,
-    /// The controller's own failsafe flies.
-    pub(super) failsafe: bool,
-    /// MSP has the sticks. `None` if the controller has no such mode.
-    pub(super) overridden: Option<bool>,
-}
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Switch {

@@ -11,9 +11,33 @@ const CELL_V: [f64; 11] = [
 /// Resistance of a cell, in ohms: 4 to 12 mΩ for cells of 1.5 to 5 Ah.
 const CELL_OHM: f64 = 0.008;
 
+/// Charge of a battery.
+///
+/// The higher of the last two readings counts: a single low one may be a frame that was altered on its way.
+#[derive(Debug, Default)]
+pub(super) struct Gauge {
+    newest: Option<f64>,
+    before: Option<f64>,
+}
+
+impl Gauge {
+    /// Takes in a state.
+    pub(super) fn measure(&mut self, state: &BatteryState) {
+        if let Some(charge) = charge(state) {
+            self.before = self.newest.replace(charge);
+        }
+    }
+
+    /// Charge, 0 to 1. `None` if the controller measures no battery.
+    pub(super) fn charge(&self) -> Option<f64> {
+        let before = self.before.or(self.newest)?;
+        self.newest.map(|newest| newest.max(before))
+    }
+}
+
 /// Charge of a battery, 0 to 1: the lower of what its voltage says, without the sag of the present current, and of what has
 /// been drawn of its configured capacity. `None` if the controller measures no battery.
-pub(super) fn charge(state: &BatteryState) -> Option<f64> {
+fn charge(state: &BatteryState) -> Option<f64> {
     if state.cells == 0 {
         return None;
     }
@@ -62,6 +86,20 @@ mod tests {
         let half = charge(&state(3, 1_140)).unwrap();
         assert!((half - 0.5).abs() < 1e-9, "{half}");
         assert_eq!(charge(&state(0, 1_600)), None);
+    }
+
+    #[test]
+    fn one_low_reading_empties_no_battery() {
+        let mut gauge = Gauge::default();
+        assert_eq!(gauge.charge(), None);
+        for cv in [1_680, 1_320, 1_680] {
+            gauge.measure(&state(4, cv));
+            assert_eq!(gauge.charge(), Some(1.0));
+        }
+        gauge.measure(&state(0, 0));
+        gauge.measure(&state(4, 1_320));
+        gauge.measure(&state(4, 1_320));
+        assert_eq!(gauge.charge(), Some(0.0));
     }
 
     #[test]

@@ -5,6 +5,7 @@
 //! Applications to Tracking and Navigation*, sections 5.2 and 6.3 (white noise acceleration).
 
 use std::collections::VecDeque;
+use std::f64::consts::TAU;
 use std::time::Duration;
 
 use muster_msp::{Altitude, Attitude, RawGps};
@@ -31,6 +32,12 @@ const SIGMA_MIN_M: f64 = 0.001;
 const UP: usize = 2;
 /// Age of a measurement up to which it is compared with where the vehicle was; an older one is rejected.
 pub const AGE_MAX: Duration = Duration::from_millis(500);
+/// Fastest turn about any axis that is believed at once, in rad/s: 400 °/s. Betaflight leans with less in the mode ANGLE.
+const TURN_MAX_RADPS: f64 = 6.98;
+/// Largest tilt that accelerates as it says, in radians: beyond 60°, Betaflight's `angle_limit`, height is not held.
+const LEAN_MAX_RAD: f64 = 1.047;
+/// From one attitude to the next; they may arrive together.
+const ATTITUDE_PERIOD: Duration = Duration::from_millis(80);
 /// Longest prediction in one step, in seconds: beyond it the attitude is stale.
 const STEP_MAX_S: f64 = 0.5;
 
@@ -168,11 +175,24 @@ impl Tilt {
         libm::cos(self.roll_rad) * libm::cos(self.nose_down_rad)
     }
 
+    /// The largest angle about one axis to another attitude, in radians.
+    fn turn_rad(self, other: Self) -> f64 {
+        let about = |from: f64, to: f64| {
+            let angle = (to - from).abs() % TAU;
+            angle.min(TAU - angle)
+        };
+        about(self.roll_rad, other.roll_rad)
+            .max(about(self.nose_down_rad, other.nose_down_rad))
+            .max(about(self.yaw_rad, other.yaw_rad))
+    }
+
     /// Acceleration north and east of a vehicle that holds its height, in m/s².
     fn acceleration_mps2(self) -> [f64; 2] {
         let (sin, cos) = (libm::sin(self.yaw_rad), libm::cos(self.yaw_rad));
-        let ahead = GRAVITY_MPS2 * libm::tan(self.nose_down_rad);
-        let right = GRAVITY_MPS2 * libm::tan(self.roll_rad) / libm::cos(self.nose_down_rad);
+        let limited = |it: f64| it.clamp(-LEAN_MAX_RAD, LEAN_MAX_RAD);
+        let (nose_down_rad, roll_rad) = (limited(self.nose_down_rad), limited(self.roll_rad));
+        let ahead = GRAVITY_MPS2 * libm::tan(nose_down_rad);
+        let right = GRAVITY_MPS2 * libm::tan(roll_rad) / libm::cos(nose_down_rad);
         [ahead * cos - right * sin, ahead * sin + right * cos]
     }
 }
@@ -191,7 +211,10 @@ pub(super) struct Estimator {
     noise: Noise,
     drag_per_s: f64,
     at: Timestamp,
-    tilt: Option<Tilt>,
+    /// The newest attitude that is believed.
+    tilt: Option<(Timestamp, Tilt)>,
+    /// One that came too suddenly. The next one confirms it, or is believed itself.
+    doubted_tilt: Option<(Timestamp, Tilt)>,
     /// North and east.
     horizontal: Option<[Axis; 2]>,
     /// Up, from where the barometer counts.
@@ -214,6 +237,7 @@ impl Estimator {
             drag_per_s: config.gains.drag_per_s,
             at: now,
             tilt: None,
+            doubted_tilt: None,
             horizontal: None,
             vertical: None,
             past: Past::default(),
@@ -225,7 +249,7 @@ impl Estimator {
 
     /// The newest attitude; level before the first.
     pub(super) fn tilt(&self) -> Tilt {
-        self.tilt.unwrap_or_default()
+        self.tilt.map(|(_, tilt)| tilt).unwrap_or_default()
     }
 
     pub(super) const fn ground_m(&self) -> Option<f64> {
@@ -283,8 +307,8 @@ impl Estimator {
         }
     }
 
-    /// Takes in an attitude. One that no vehicle can have is rejected.
-    pub(super) fn measure_attitude(&mut self, attitude: &Attitude) {
+    /// Takes in an attitude. One that no vehicle can have, or can't have turned to, is rejected.
+    pub(super) fn measure_attitude(&mut self, now: Timestamp, attitude: &Attitude) {
         let Attitude {
             roll_ddeg,
             pitch_ddeg,
@@ -296,11 +320,20 @@ impl Estimator {
         {
             return;
         }
-        self.tilt = Some(Tilt {
+        let tilt = Tilt {
             roll_rad: (f64::from(roll_ddeg) / 10.0).to_radians(),
             nose_down_rad: (f64::from(pitch_ddeg) / 10.0).to_radians(),
             yaw_rad: f64::from(yaw_deg).to_radians(),
-        });
+        };
+        let is_near = |(at, before): (Timestamp, Tilt)| {
+            let seconds = now.since(at).max(ATTITUDE_PERIOD).as_secs_f64();
+            tilt.turn_rad(before) <= TURN_MAX_RADPS * seconds
+        };
+        let is_believed = self.tilt.is_none_or(is_near) || self.doubted_tilt.is_some_and(is_near);
+        self.doubted_tilt = (!is_believed).then_some((now, tilt));
+        if is_believed {
+            self.tilt = Some((now, tilt));
+        }
     }
 
     /// Takes in the controller's own height and climb.
@@ -442,10 +475,11 @@ mod tests {
     fn moving_vehicle_is_where_the_delayed_fixes_say_it_was_and_has_moved_since() {
         let mut estimator = estimator();
         // It leans against the drag.
-        estimator.measure_attitude(&Attitude {
+        let leaning = Attitude {
             pitch_ddeg: 129,
             ..Attitude::default()
-        });
+        };
+        estimator.measure_attitude(at(0.0), &leaning);
         for step in 0..100 {
             let seconds = f64::from(step) / 10.0;
             estimator.predict(at(seconds));
@@ -463,10 +497,11 @@ mod tests {
         let mut estimator = estimator();
         // Without drag 5° of tilt accelerate by 0.858 m/s².
         estimator.drag_per_s = 0.0;
-        estimator.measure_attitude(&Attitude {
+        let leaning = Attitude {
             pitch_ddeg: 50,
             ..Attitude::default()
-        });
+        };
+        estimator.measure_attitude(at(0.0), &leaning);
         let place_m = |seconds: f64| 0.5 * 0.858 * seconds * seconds;
         let age = Duration::from_millis(100);
         for step in 0..300_u32 {
@@ -543,11 +578,41 @@ mod tests {
     #[test]
     fn an_attitude_that_no_vehicle_can_have_is_rejected() {
         let mut estimator = estimator();
-        estimator.measure_attitude(&Attitude {
+        let turned = Attitude {
             roll_ddeg: 1_900,
             ..Attitude::default()
-        });
+        };
+        estimator.measure_attitude(at(0.0), &turned);
         assert!(estimator.tilt().roll_rad.abs() < f64::EPSILON);
+    }
+
+    #[test]
+    fn a_turn_that_no_vehicle_can_make_is_believed_when_the_next_attitude_confirms_it() {
+        let attitude = |yaw_deg| Attitude {
+            yaw_deg,
+            ..Attitude::default()
+        };
+        let mut estimator = estimator();
+        let mut yaw_deg = |seconds, yaw_deg| {
+            estimator.measure_attitude(at(seconds), &attitude(yaw_deg));
+            estimator.tilt().yaw_rad.to_degrees().round() as i16
+        };
+        assert_eq!(yaw_deg(0.0, 359), 359);
+        assert_eq!(yaw_deg(0.1, 10), 10, "11° in 0.1 s");
+        assert_eq!(yaw_deg(0.2, 120), 10, "110° in 0.1 s");
+        assert_eq!(yaw_deg(0.3, 12), 12);
+        assert_eq!(yaw_deg(0.4, 120), 12);
+        assert_eq!(yaw_deg(0.5, 121), 121);
+    }
+
+    #[test]
+    fn vehicle_that_lies_on_its_side_is_not_taken_to_vanish() {
+        let side = Tilt {
+            roll_rad: TAU / 4.0,
+            ..Tilt::default()
+        };
+        let [north, east] = side.acceleration_mps2();
+        assert!(north.abs() < 1e-9 && (east - 16.98).abs() < 0.01);
     }
 
     #[test]

@@ -2,22 +2,28 @@
 //! the navigation gives to any vehicle.
 
 mod arming;
+mod authority;
 mod battery;
 mod config;
 mod control;
 mod estimator;
 mod guidance;
+mod reports;
 
 use std::time::Duration;
 
 use muster_msp::{Channel, Identity, Mode, SetRawRc, Status, Sticks, Telemetry as Told};
 use serde::{Deserialize, Serialize};
 
-use self::arming::{Arming, Reported};
+use self::arming::Arming;
+use self::authority::Authority;
+pub use self::authority::{LOST_AFTER, Taken};
+use self::battery::Gauge;
 pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
 use self::control::Control;
 use self::estimator::{Estimate, Estimator};
 use self::guidance::Guidance;
+use self::reports::{Reported, Reports};
 use super::{Checkpoint, Event, FlightCommand, Input, Setpoint, Telemetry, Transmit};
 use crate::geometry::{Ned, Velocity};
 use crate::machine::{Machine, Outbox, Output};
@@ -38,11 +44,6 @@ const LIFTED_M: f64 = 0.5;
 const LIFTED_MPS: f64 = 0.3;
 /// Share of charge that is news.
 const CHARGE_STEP: f64 = 0.01;
-/// Time without an answer after which a link to an armed controller is lost. A controller that hears nothing for its failsafe
-/// delay, 1 s or more, comes down by itself.
-pub const LOST_AFTER: Duration = Duration::from_secs(1);
-/// A timer that is later than this was held up in this process: the controller's silence is not its fault.
-const LATE: Duration = Duration::from_millis(100);
 /// Value of the switch of the mode ANGLE: always on.
 const ANGLE: Channel = Channel::HIGH;
 /// `ARM_SWITCH` is the last of the reasons not to arm.
@@ -87,6 +88,8 @@ pub struct Flight {
     pub hover_throttle: f64,
     /// The barometer's altitude on the ground, in metres.
     pub ground_m: Option<f64>,
+    /// Whether the pilot or the controller's failsafe took the aircraft.
+    pub taken: Taken,
 }
 
 /// A link to a flight controller that takes sticks.
@@ -102,8 +105,9 @@ pub struct ControllerLink {
     /// It is to land as soon as it is known whether and where it flies.
     must_land: bool,
     identity: Option<Identity>,
-    reported: Option<Reported>,
-    charge: Option<f64>,
+    reports: Reports,
+    gauge: Gauge,
+    authority: Authority,
     estimator: Estimator,
     arming: Arming,
     guidance: Guidance,
@@ -112,13 +116,6 @@ pub struct ControllerLink {
     /// It has left the ground.
     has_lifted: bool,
     still_since: Option<Timestamp>,
-    /// The pilot took the aircraft over. It is not asked back.
-    is_taken_over: bool,
-    /// When the link to an armed controller is lost if it tells nothing. `None` if the controller is disarmed.
-    silent_at: Option<Timestamp>,
-    /// The link was lost in flight, or the controller's failsafe took over. Its failsafe is not interrupted: no RC any more.
-    is_lost: bool,
-    was_overridden: bool,
     last: Option<Telemetry>,
     deadline: Option<Timestamp>,
     outbox: Outbox<Transmit, Event>,
@@ -135,6 +132,7 @@ impl ControllerLink {
         }
         let has_flown = before.is_some_and(|it| it.has_flown);
         let ground_m = before.and_then(|it| it.ground_m);
+        let taken = before.map(|it| it.taken).unwrap_or_default();
         let mut link = Self {
             config,
             gave_up: checkpoint.is_some_and(|it| it.gave_up),
@@ -142,8 +140,9 @@ impl ControllerLink {
             kept: None,
             must_land: before.is_some_and(|it| it.is_landing),
             identity: None,
-            reported: None,
-            charge: None,
+            reports: Reports::new(has_flown),
+            gauge: Gauge::default(),
+            authority: Authority::new(config.receiver, has_flown, taken, now),
             estimator: Estimator::new(&config, now, ground_m),
             arming: Arming::new(config.receiver, has_flown, now),
             guidance: Guidance::new(config.landing),
@@ -151,10 +150,6 @@ impl ControllerLink {
             stepped_at: now,
             has_lifted: before.is_some_and(|it| it.setpoint.is_some()),
             still_since: None,
-            is_taken_over: false,
-            silent_at: has_flown.then_some(now + LOST_AFTER),
-            is_lost: false,
-            was_overridden: false,
             last: None,
             deadline: None,
             outbox: Outbox::new(),
@@ -167,12 +162,7 @@ impl ControllerLink {
     }
 
     fn is_armed(&self) -> bool {
-        self.reported.is_some_and(|it| it.armed)
-    }
-
-    /// Whether someone else flies: the controller's failsafe, or the pilot.
-    fn is_out_of_hand(&self) -> bool {
-        self.is_taken_over || self.is_lost
+        self.reports.last().is_some_and(|it| it.armed)
     }
 
     fn handle_command(&mut self, now: Timestamp, command: FlightCommand) {
@@ -227,16 +217,16 @@ impl ControllerLink {
             }
             PortEvent::Told(told) => {
                 self.estimator.predict(now);
-                self.silent_at = self.silent_at.map(|_| now + LOST_AFTER);
+                self.authority.heard(now);
                 match told {
                     Told::Status(status) => self.handle_status(now, &status),
-                    Told::Attitude(attitude) => self.estimator.measure_attitude(&attitude),
+                    Told::Attitude(attitude) => self.estimator.measure_attitude(now, &attitude),
                     Told::Altitude(altitude) => self.estimator.measure_altitude(now, &altitude),
                     Told::Gps(gps) if self.config.place == PlaceSensor::Gps => {
                         self.estimator.measure_gps(now, &gps);
                     }
                     Told::Gps(_) => return,
-                    Told::Battery(state) => self.charge = battery::charge(&state),
+                    Told::Battery(state) => self.gauge.measure(&state),
                     Told::Rc(_) | Told::Sonar(_) | Told::Analog(_) => return,
                 }
                 self.take_up(now);
@@ -247,6 +237,7 @@ impl ControllerLink {
     /// Nothing leaves until the controller has said who it is and how it is.
     fn close(&mut self) {
         self.identity = None;
+        self.reports.close();
         self.deadline = None;
         self.outbox.transmit(Transmit::Rc(None));
     }
@@ -257,38 +248,26 @@ impl ControllerLink {
         };
         let is_active = |mode| identity.boxes.is_active(mode, status.modes());
         let arming = status.flags.arming;
-        let reported = Reported {
+        self.reports.take(Reported {
             armed: is_active(Mode::Arm) == Some(true),
             is_prevented: arming.bits & !arm_switch(arming.count) != 0,
             failsafe: is_active(Mode::Failsafe) == Some(true),
             overridden: is_active(Mode::MspOverride),
+        });
+        let Some(reported) = self.reports.current() else {
+            return;
         };
         if reported.armed && !self.arming.has_flown() {
             self.estimator.forget_height();
         }
-        if self.config.receiver == Receiver::Override {
-            let is_overridden = reported.overridden == Some(true);
-            self.is_taken_over |= self.was_overridden && !is_overridden && reported.armed;
-            self.was_overridden = is_overridden;
-        }
-        self.silent_at = reported.armed.then_some(now + LOST_AFTER);
-        self.is_lost = reported.armed && (self.is_lost || reported.failsafe);
-        self.reported = Some(reported);
+        self.authority.take(now, reported);
         self.deadline.get_or_insert(now + PERIOD);
         self.step(now);
     }
 
-    /// The controller has been silent for too long: its failsafe is to bring it down.
-    fn lose(&mut self, now: Timestamp) {
-        self.silent_at = None;
-        self.is_lost = true;
-        self.outbox.transmit(Transmit::Rc(None));
-        self.report_news(now);
-    }
-
     /// Goes on with what was flown before a restart, once it is known where the vehicle is.
     fn take_up(&mut self, now: Timestamp) {
-        if self.before.is_none() || self.reported.is_none() {
+        if self.before.is_none() || self.reports.current().is_none() {
             return;
         }
         let Some(estimate) = self.estimator.estimate() else {
@@ -307,7 +286,7 @@ impl ControllerLink {
 
     /// One control step: moves the arm switch, and yields the newest sticks.
     fn step(&mut self, now: Timestamp) {
-        let Some(reported) = self.reported else {
+        let Some(reported) = self.reports.current() else {
             return;
         };
         let seconds = now.since(self.stepped_at).as_secs_f64().min(0.1);
@@ -315,13 +294,15 @@ impl ControllerLink {
         self.estimator.predict(now);
         self.land_if_due(now);
         self.detect_ground(now);
-        let (had_flown, stage) = (self.arming.has_flown(), self.config.stage);
+        let stage = self.config.stage;
         self.arming.step(now, stage, self.is_simulation(), reported);
         let sticks = self.sticks(now, seconds);
-        // Frames would end the controller's failsafe in mid-air.
-        let rc = (!self.is_lost).then(|| self.gate(sticks));
+        let rc = self.authority.may_send().then(|| self.gate(sticks));
         self.outbox.transmit(Transmit::Rc(rc));
-        if had_flown != self.arming.has_flown() {
+        let is_kept = self.kept.is_some_and(|kept| {
+            (kept.has_flown, kept.taken) == (self.arming.has_flown(), self.authority.taken())
+        });
+        if !is_kept {
             self.keep();
         }
         self.report_news(now);
@@ -338,7 +319,7 @@ impl ControllerLink {
         if !self.is_armed() {
             return Sticks::IDLE;
         }
-        if self.is_out_of_hand() {
+        if !self.authority.is_links() {
             // Not heard, unless the pilot gives the sticks back.
             return self.control.level(tilt);
         }
@@ -394,8 +375,9 @@ impl ControllerLink {
             position: Ned::HOME,
             velocity: Velocity::ZERO,
         });
-        let armed = self.reported.map_or(self.is_lost, |it| it.armed);
-        let landing = armed && (self.guidance.is_landing() || self.is_out_of_hand());
+        let is_lost = self.authority.taken().by_failsafe;
+        let armed = self.reports.last().map_or(is_lost, |it| it.armed);
+        let landing = armed && (self.guidance.is_landing() || !self.authority.is_links());
         Telemetry {
             position: estimate.position,
             position_lost_for: self.estimator.lost_for(now),
@@ -404,16 +386,18 @@ impl ControllerLink {
             at_rest: !armed || !landing && self.guidance.is_at_rest(now, &estimate),
             armed,
             landing,
+            taken_over: self.authority.taken().by_pilot,
             target: self.guidance.target().filter(|_| armed),
-            charge: self.charge.unwrap_or(1.0),
+            charge: self.gauge.charge().unwrap_or(1.0),
         }
     }
 
     /// Whether there is something to report: the controller has said whether it is armed, and if it is, where it is; or it is
     /// silent.
     fn can_report(&self) -> bool {
-        self.is_lost
-            || self.reported.is_some() && (!self.is_armed() || self.estimator.estimate().is_some())
+        let is_known = self.reports.last().is_some()
+            && (!self.is_armed() || self.estimator.estimate().is_some());
+        is_known || !self.authority.may_send()
     }
 
     fn report(&mut self, now: Timestamp) {
@@ -451,6 +435,7 @@ impl ControllerLink {
             is_landing: self.must_land,
             hover_throttle: self.control.hover_throttle(),
             ground_m: self.estimator.ground_m(),
+            taken: self.authority.taken(),
         };
         let is_same = self.kept.is_some_and(|kept| {
             let hover_throttle = kept.hover_throttle;
@@ -490,10 +475,10 @@ impl Machine for ControllerLink {
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
-        match self.silent_at {
-            Some(at) if now.since(at) > LATE => self.silent_at = Some(now + LOST_AFTER),
-            Some(at) if at <= now => self.lose(now),
-            _ => {}
+        if self.authority.handle_timeout(now) {
+            self.outbox.transmit(Transmit::Rc(None));
+            self.keep();
+            self.report_news(now);
         }
         if self.deadline.is_some_and(|at| at <= now) {
             self.step(now);
@@ -502,7 +487,7 @@ impl Machine for ControllerLink {
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        let deadlines = [self.deadline, self.silent_at];
+        let deadlines = [self.deadline, self.authority.deadline()];
         self.outbox.poll(deadlines.into_iter().flatten().min())
     }
 }

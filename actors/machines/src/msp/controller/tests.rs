@@ -114,7 +114,7 @@ impl Bench {
         let mut bench = Self::ready(receiver);
         bench.give(Input::FlightCommand(FlightCommand::Arm));
         bench.pass(1_000, 0);
-        bench.pass(200, modes);
+        bench.pass(300, modes);
         bench.give(Input::FlightCommand(up()));
         bench.pass(100, modes);
         bench
@@ -188,7 +188,7 @@ fn vehicle_arms_and_climbs_when_it_is_told_to() {
     bench.pass(100, 0);
     assert!(bench.is_arm_high());
     assert_eq!(bench.throttle(), 1_000);
-    bench.pass(200, ARM);
+    bench.pass(300, ARM);
     assert!(bench.telemetry.last().unwrap().armed);
     assert_eq!(bench.throttle(), 1_000, "no setpoint yet");
     bench.give(Input::FlightCommand(up()));
@@ -262,6 +262,8 @@ fn pilot_who_takes_over_is_not_fought() {
     let mut bench = Bench::flying(Receiver::Override, ARM | OVERRIDE);
     assert!(bench.throttle() > 1_200);
     bench.give(Input::Port(status(ARM)));
+    assert!(!bench.telemetry.last().unwrap().landing, "once is noise");
+    bench.give(Input::Port(status(ARM)));
     assert!(bench.telemetry.last().unwrap().landing);
     // Sticks that are given back by mistake neither lean nor stop the motors.
     bench.pass(1_000, ARM | OVERRIDE);
@@ -277,6 +279,7 @@ fn pilot_who_takes_over_is_not_fought() {
 #[test]
 fn failsafe_of_the_controller_counts_as_landing_and_is_not_ended_by_frames() {
     let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.give(Input::Port(status(ARM | FAILSAFE)));
     bench.give(Input::Port(status(ARM | FAILSAFE)));
     assert!(bench.telemetry.last().unwrap().landing);
     assert_eq!(bench.rc, None);
@@ -449,7 +452,8 @@ fn any_input() -> impl Strategy<Value = Input> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1_000))]
+    // Sequences of 50 inputs on average. `PROPTEST_CASES` asks for more.
+    #![proptest_config(ProptestConfig::with_cases(ProptestConfig::default().cases.max(2_500)))]
 
     /// Whatever it is given, no link lets a value above its stage out, and no value that the controller would not take.
     #[test]

@@ -1,0 +1,164 @@
+//! Who flies an armed vehicle: the link, the pilot, or the controller's own failsafe.
+
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use super::config::Receiver;
+use super::reports::Reported;
+use crate::time::Timestamp;
+
+/// Time without an answer after which a link to an armed controller is lost. A controller that hears nothing for its failsafe
+/// delay, 1 s or more, comes down by itself.
+pub const LOST_AFTER: Duration = Duration::from_secs(1);
+/// A timer that is later than this was held up in this process: the controller's silence is not its fault.
+const LATE: Duration = Duration::from_millis(100);
+
+/// What was taken from a link, as its checkpoint keeps it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub struct Taken {
+    /// The pilot took the aircraft over. It is not asked back.
+    pub by_pilot: bool,
+    /// The controller's failsafe flies, or the link was lost in flight. Until it has disarmed it gets no RC, which would end
+    /// the failsafe in mid-air.
+    pub by_failsafe: bool,
+}
+
+/// Who flies.
+///
+/// Invariant: what the pilot took never comes back; what the failsafe took does once the controller has disarmed.
+#[derive(Debug)]
+pub(super) struct Authority {
+    receiver: Receiver,
+    taken: Taken,
+    /// MSP had the sticks.
+    was_overridden: bool,
+    /// When the link is lost if the controller tells nothing. `None` if it is disarmed.
+    silent_at: Option<Timestamp>,
+}
+
+impl Authority {
+    /// `has_flown`, `taken`: from a checkpoint.
+    pub(super) fn new(receiver: Receiver, has_flown: bool, taken: Taken, now: Timestamp) -> Self {
+        Self {
+            receiver,
+            taken,
+            was_overridden: false,
+            silent_at: has_flown.then_some(now + LOST_AFTER),
+        }
+    }
+
+    pub(super) const fn taken(&self) -> Taken {
+        self.taken
+    }
+
+    /// Whether the link flies.
+    pub(super) const fn is_links(&self) -> bool {
+        !self.taken.by_pilot && !self.taken.by_failsafe
+    }
+
+    /// Whether RC may be sent.
+    pub(super) const fn may_send(&self) -> bool {
+        !self.taken.by_failsafe
+    }
+
+    /// The controller told something.
+    pub(super) fn heard(&mut self, now: Timestamp) {
+        self.silent_at = self.silent_at.map(|_| now + LOST_AFTER);
+    }
+
+    /// The controller's report is believed.
+    pub(super) fn take(&mut self, now: Timestamp, reported: Reported) {
+        if self.receiver == Receiver::Override {
+            let is_overridden = reported.overridden == Some(true);
+            self.taken.by_pilot |= self.was_overridden && !is_overridden && reported.armed;
+            self.was_overridden = is_overridden;
+        }
+        self.silent_at = reported.armed.then_some(now + LOST_AFTER);
+        self.taken.by_failsafe = reported.armed && (self.taken.by_failsafe || reported.failsafe);
+    }
+
+    /// When to call [`Self::handle_timeout`].
+    pub(super) const fn deadline(&self) -> Option<Timestamp> {
+        self.silent_at
+    }
+
+    /// Returns whether the link has just been lost: the controller was silent for too long.
+    pub(super) fn handle_timeout(&mut self, now: Timestamp) -> bool {
+        let Some(at) = self.silent_at.filter(|at| *at <= now) else {
+            return false;
+        };
+        let is_lost = now.since(at) <= LATE;
+        self.silent_at = (!is_lost).then_some(now + LOST_AFTER);
+        self.taken.by_failsafe |= is_lost;
+        is_lost
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(milliseconds: u64) -> Timestamp {
+        Timestamp::from_nanos(milliseconds * 1_000_000)
+    }
+
+    const FLOWN: Reported = Reported {
+        armed: true,
+        is_prevented: false,
+        failsafe: false,
+        overridden: Some(true),
+    };
+    const BY_PILOT: Reported = Reported {
+        overridden: Some(false),
+        ..FLOWN
+    };
+
+    fn authority(taken: Taken) -> Authority {
+        let mut authority = Authority::new(Receiver::Override, true, taken, at(0));
+        authority.take(at(0), FLOWN);
+        authority
+    }
+
+    #[test]
+    fn what_the_pilot_took_never_comes_back() {
+        let mut authority = authority(Taken::default());
+        assert!(authority.is_links());
+        authority.take(at(100), BY_PILOT);
+        authority.take(at(200), FLOWN);
+        assert!(!authority.is_links() && authority.may_send());
+        let restarted = self::authority(authority.taken());
+        assert!(!restarted.is_links());
+    }
+
+    #[test]
+    fn what_the_failsafe_took_comes_back_once_the_controller_has_disarmed() {
+        let failsafe = Reported {
+            failsafe: true,
+            ..FLOWN
+        };
+        let mut authority = authority(Taken::default());
+        authority.take(at(100), failsafe);
+        authority.take(at(200), FLOWN);
+        assert!(!authority.may_send());
+        let mut restarted = self::authority(authority.taken());
+        assert!(!restarted.may_send());
+        restarted.take(
+            at(300),
+            Reported {
+                armed: false,
+                ..FLOWN
+            },
+        );
+        assert!(restarted.is_links());
+    }
+
+    #[test]
+    fn silence_loses_an_armed_vehicle_unless_the_link_itself_was_held_up() {
+        let mut authority = authority(Taken::default());
+        authority.heard(at(500));
+        assert!(!authority.handle_timeout(at(1_400)));
+        assert!(!authority.handle_timeout(at(1_700)), "held up");
+        assert!(authority.handle_timeout(at(2_700)) && !authority.may_send());
+    }
+}

@@ -1,0 +1,124 @@
+//! What the controller says of itself, and when it is believed.
+
+/// What the controller says of itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) struct Reported {
+    /// The motors are armed.
+    pub(super) armed: bool,
+    /// Something prevents arming, besides an arm switch that is high.
+    pub(super) is_prevented: bool,
+    /// The controller's own failsafe flies.
+    pub(super) failsafe: bool,
+    /// MSP has the sticks. `None` if the controller has no such mode.
+    pub(super) overridden: Option<bool>,
+}
+
+impl Reported {
+    /// Whether motors and sticks are in the same hands.
+    fn agrees(self, other: Self) -> bool {
+        (self.armed, self.failsafe, self.overridden)
+            == (other.armed, other.failsafe, other.overridden)
+    }
+}
+
+/// The newest report that is believed.
+///
+/// Invariant: a report that contradicts it is believed once the next one agrees. A checksum of one byte lets one of 255 frames
+/// with two wrong bytes through, and a single false "disarmed" would lower the arm switch in mid-air.
+#[derive(Debug)]
+pub(super) struct Reports {
+    believed: Option<Reported>,
+    doubted: Option<Reported>,
+    /// Whether it was said since the port was opened.
+    is_current: bool,
+    /// What the first report is to say of the motors to be believed by itself.
+    expects_armed: bool,
+}
+
+impl Reports {
+    /// Without a report. `has_flown`: from a checkpoint.
+    pub(super) const fn new(has_flown: bool) -> Self {
+        Self {
+            believed: None,
+            doubted: None,
+            is_current: false,
+            expects_armed: has_flown,
+        }
+    }
+
+    /// The newest report that is believed, perhaps from before the port was closed.
+    pub(super) const fn last(&self) -> Option<Reported> {
+        self.believed
+    }
+
+    /// The same, of a port that is open.
+    pub(super) fn current(&self) -> Option<Reported> {
+        self.believed.filter(|_| self.is_current)
+    }
+
+    /// The port was closed.
+    pub(super) const fn close(&mut self) {
+        (self.doubted, self.is_current) = (None, false);
+    }
+
+    /// Takes a report.
+    pub(super) fn take(&mut self, reported: Reported) {
+        let is_expected = match self.believed {
+            Some(believed) => believed.agrees(reported),
+            None => reported.armed == self.expects_armed && !reported.failsafe,
+        };
+        let is_confirmed = self.doubted.is_some_and(|it| it.agrees(reported));
+        if is_expected || is_confirmed {
+            (self.believed, self.doubted) = (Some(reported), None);
+            self.is_current = true;
+        } else {
+            self.doubted = Some(reported);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const DISARMED: Reported = Reported {
+        armed: false,
+        is_prevented: false,
+        failsafe: false,
+        overridden: None,
+    };
+    const ARMED: Reported = Reported {
+        armed: true,
+        ..DISARMED
+    };
+
+    #[test]
+    fn a_change_is_believed_when_it_is_reported_twice_in_a_row() {
+        let mut reports = Reports::new(false);
+        reports.take(DISARMED);
+        reports.take(ARMED);
+        assert_eq!(reports.current(), Some(DISARMED));
+        reports.take(DISARMED);
+        reports.take(ARMED);
+        assert_eq!(reports.current(), Some(DISARMED), "not in a row");
+        reports.take(ARMED);
+        assert_eq!(reports.current(), Some(ARMED));
+    }
+
+    #[test]
+    fn the_first_report_is_believed_by_itself_if_it_says_what_is_expected() {
+        for (has_flown, expected, other) in [(false, DISARMED, ARMED), (true, ARMED, DISARMED)] {
+            let mut reports = Reports::new(has_flown);
+            reports.take(other);
+            assert_eq!(reports.current(), None);
+            reports.take(expected);
+            assert_eq!(reports.current(), Some(expected));
+            reports.close();
+            assert_eq!((reports.current(), reports.last()), (None, Some(expected)));
+            reports.take(other);
+            assert_eq!(reports.current(), None);
+            reports.take(other);
+            assert_eq!(reports.current(), Some(other));
+        }
+    }
+}

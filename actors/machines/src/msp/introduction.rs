@@ -1,0 +1,80 @@
+//! What a link that starts is told of a port that is open already.
+
+use std::time::Duration;
+
+use muster_msp::{Identity, Status, Telemetry as Told};
+
+use super::PortEvent;
+use crate::time::Timestamp;
+
+/// How long a status is told to new links. It is asked five times a second.
+const STATUS_MAX: Duration = Duration::from_millis(500);
+
+/// What a port has said of its controller. The owner of a port keeps one beside it.
+#[derive(Debug, Default)]
+pub struct Introduction {
+    identity: Option<Box<Identity>>,
+    status: Option<(Timestamp, Status)>,
+}
+
+impl Introduction {
+    /// An event of the port is on its way to the link.
+    pub fn take(&mut self, now: Timestamp, event: &PortEvent) {
+        match event {
+            PortEvent::Identified(identity) => {
+                *self = Self {
+                    identity: Some(identity.clone()),
+                    status: None,
+                }
+            }
+            PortEvent::Closed => *self = Self::default(),
+            PortEvent::Told(Told::Status(status)) => self.status = Some((now, status.clone())),
+            PortEvent::Told(_) | PortEvent::Pose(_) => {}
+        }
+    }
+
+    /// What a link that has just started is told: who the controller is, and its newest status, so that the link gives RC
+    /// before the next one. Empty if the controller is not known.
+    pub fn events(&self, now: Timestamp) -> impl Iterator<Item = PortEvent> + use<> {
+        let identity = self.identity.clone();
+        let status = (self.status.as_ref())
+            .filter(|(at, _)| identity.is_some() && now.since(*at) < STATUS_MAX)
+            .map(|(_, status)| PortEvent::Told(Told::Status(status.clone())));
+        identity
+            .map(PortEvent::Identified)
+            .into_iter()
+            .chain(status)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(milliseconds: u64) -> Timestamp {
+        Timestamp::from_nanos(milliseconds * 1_000_000)
+    }
+
+    fn told() -> PortEvent {
+        PortEvent::Told(Told::Status(Status::default()))
+    }
+
+    fn identified() -> PortEvent {
+        PortEvent::Identified(Box::default())
+    }
+
+    #[test]
+    fn new_link_is_told_of_an_open_port_and_its_fresh_status() {
+        let mut introduction = Introduction::default();
+        introduction.take(at(0), &told());
+        assert_eq!(introduction.events(at(0)).count(), 0, "whose status?");
+        introduction.take(at(10), &identified());
+        assert!(introduction.events(at(10)).eq([identified()]));
+        introduction.take(at(20), &told());
+        let both = [identified(), told()];
+        assert!(introduction.events(at(100)).eq(both));
+        assert!(introduction.events(at(520)).eq([identified()]), "stale");
+        introduction.take(at(530), &PortEvent::Closed);
+        assert_eq!(introduction.events(at(530)).count(), 0);
+    }
+}

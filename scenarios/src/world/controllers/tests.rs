@@ -1,0 +1,212 @@
+use std::path::Path;
+
+use muster_controller::Contact;
+use muster_machines::geometry::Ned;
+use muster_machines::machine::Output;
+use muster_machines::msp::controller::Stage;
+use muster_machines::msp::{FlightCommand, Input, Link, Setpoint, Telemetry, Transmit};
+use muster_msp::TICK;
+use rand::RngExt;
+
+use super::*;
+use crate::scenario::{Override, load};
+
+const DRONE: NodeId = NodeId(0);
+
+/// A controller and the link of its drone, without the rest of the swarm.
+struct Bench {
+    controllers: Controllers,
+    link: Box<dyn Link>,
+    /// Whether the link runs.
+    is_up: bool,
+    now: Timestamp,
+    told: Option<Telemetry>,
+    truth: Option<Truth>,
+    violation: Option<Violation>,
+}
+
+impl Bench {
+    /// On the ground, told to arm. `seed` draws the errors of sensors and line.
+    fn new(receiver: &str, seed: u64) -> Self {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("chaos-controllers.toml");
+        let receiver: Override = format!("vehicle.receiver={receiver}").parse().unwrap();
+        let plan = load(&path, &[receiver]).unwrap().plan;
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut controllers = Controllers::default();
+        controllers.extend(&plan, &mut rng.clone(), &mut rng);
+        let link = plan.link(VehicleKind::Msp, Stage::Sim, plan.receiver);
+        Self {
+            controllers,
+            link: link(None, Timestamp::ZERO),
+            is_up: true,
+            now: Timestamp::ZERO,
+            told: None,
+            truth: None,
+            violation: None,
+        }
+    }
+
+    /// 12 m high.
+    fn flying(receiver: &str, seed: u64) -> Self {
+        let mut bench = Self::new(receiver, seed);
+        bench.controllers.show_pilot(DRONE, true);
+        bench.pass(6.0);
+        bench.give(Input::FlightCommand(FlightCommand::Arm));
+        bench.pass(2.0);
+        assert!(bench.told.is_some_and(|it| it.armed));
+        bench.fly(12.0, 0.0);
+        bench
+    }
+
+    fn fly(&mut self, altitude_m: f64, north_m: f64) {
+        let to = self.told.expect("it was told").position.0;
+        let to = Ned::new(to.x + north_m, to.y, -altitude_m);
+        self.give(Input::FlightCommand(FlightCommand::Fly(Setpoint::Leg {
+            to,
+            speed_mps: 5.0,
+            acceleration_mps2: 1.0,
+        })));
+    }
+
+    fn give(&mut self, input: Input) {
+        self.link.handle_input(self.now, input);
+        self.drain();
+    }
+
+    fn drain(&mut self) {
+        loop {
+            match self.link.poll_output() {
+                Output::Transmit(Transmit::Rc(rc)) => self.controllers.set_rc(self.now, DRONE, rc),
+                Output::Transmit(Transmit::Telemetry(told)) => self.told = Some(told),
+                Output::Transmit(_) | Output::Event(_) => {}
+                Output::Idle { .. } => return,
+            }
+        }
+    }
+
+    fn pass(&mut self, seconds: f64) {
+        let end = self.now + Duration::from_secs_f64(seconds);
+        while self.now < end {
+            self.now += TICK;
+            let mut events = Vec::new();
+            let flown = (self.controllers).tick(self.now, DRONE, PortState::Runs, |event| {
+                events.push(event);
+            });
+            self.truth = flown.map(|(truth, _)| truth).or(self.truth);
+            let found = self.controllers.check_rc(self.now, DRONE);
+            self.violation = self.violation.take().or(found);
+            if self.is_up {
+                for event in events {
+                    self.give(Input::Port(event));
+                }
+                self.link.handle_timeout(self.now);
+                self.drain();
+            }
+        }
+    }
+
+    fn affect(&mut self, fault: ControllerFault) {
+        self.controllers.affect(self.now, DRONE, fault, None);
+    }
+
+    fn attached(&mut self) -> &mut Attached {
+        self.controllers.get(DRONE).expect("it has a controller")
+    }
+
+    /// Roll, pitch, yaw and throttle that count, and those of the pilot.
+    fn sticks(&mut self) -> [[u16; 4]; 2] {
+        let attached = self.attached();
+        let pilots = attached.pilot.as_ref().expect("there is one").channels;
+        [attached.controller.channels(), pilots].map(|it| [it[0], it[1], it[2], it[3]])
+    }
+
+    fn is_armed(&self) -> bool {
+        self.truth.is_some_and(|it| it.is_armed)
+    }
+}
+
+#[test]
+fn pilot_who_takes_over_at_any_moment_has_the_sticks_and_nothing_arms_again() {
+    let mut rng = ChaCha8Rng::seed_from_u64(24);
+    for flight in 0..100 {
+        let mut bench = Bench::flying("override", flight);
+        let at_s: f64 = rng.random_range(0.0..12.0);
+        bench.pass(at_s.min(6.0));
+        bench.fly(12.0, 60.0);
+        bench.pass(at_s - at_s.min(6.0));
+        bench.affect(ControllerFault::TakeOver);
+        bench.pass(0.1);
+        let [counting, pilots] = bench.sticks();
+        // The pilot moves the sticks with every tick, and the controller looks at them with every tick.
+        let is_near = counting
+            .iter()
+            .zip(pilots)
+            .all(|(it, other)| it.abs_diff(other) <= 20);
+        assert!(is_near, "{counting:?}, {pilots:?}, flight {flight}");
+        bench.pass(0.2);
+        assert!(
+            bench.told.is_some_and(|it| it.landing && it.taken_over),
+            "flight {flight}"
+        );
+        bench.pass(40.0);
+        assert!(!bench.is_armed(), "flight {flight}");
+        let truth = bench.truth.expect("it has flown");
+        assert_eq!(truth.contact, Contact::Ground, "flight {flight}, {truth:?}");
+        assert!(bench.told.is_some_and(|it| !it.armed), "flight {flight}");
+        bench.give(Input::FlightCommand(FlightCommand::Arm));
+        bench.pass(10.0);
+        assert!(!bench.is_armed() && bench.violation.is_none());
+    }
+}
+
+#[test]
+fn rule_7_breaks_when_rc_has_been_missing_for_a_tenth_of_a_second() {
+    let mut bench = Bench::flying("sole", 1);
+    bench.pass(3.0);
+    let stopped_at = bench.now;
+    bench.is_up = false;
+    bench.pass(1.0);
+    let violation = bench.violation.expect("it gave no sticks");
+    assert_eq!((violation.rule, &violation.drones[..]), (7, &[DRONE][..]));
+    // The port repeats the last sticks for 100 ms.
+    let after_ms = violation.at.since(stopped_at).as_millis();
+    assert!((180..=210).contains(&after_ms), "{after_ms} ms");
+}
+
+#[test]
+fn new_link_is_told_of_its_port_and_the_newest_status_at_once() {
+    let mut bench = Bench::flying("sole", 1);
+    bench.pass(3.0);
+    let events: Vec<_> = bench.controllers.introduction(bench.now, DRONE).collect();
+    assert!(
+        matches!(
+            events[..],
+            [
+                PortEvent::Identified(_),
+                PortEvent::Told(muster_msp::Telemetry::Status(_))
+            ]
+        ),
+        "{events:?}"
+    );
+    bench.controllers.close(bench.now, DRONE);
+    assert_eq!(bench.controllers.introduction(bench.now, DRONE).count(), 0);
+}
+
+/// The bytes of all frames that are lost are noise, or are still held.
+#[test]
+fn bytes_that_were_altered_are_counted() {
+    let mut bench = Bench::flying("sole", 1);
+    bench.pass(5.0);
+    let before = bench.controllers.figures(DRONE).unwrap();
+    assert_eq!((before.bad_frames, before.noise_bytes), (0, 0));
+    bench.affect(ControllerFault::CorruptBytes(0.005));
+    bench.pass(20.0);
+    let after = bench.controllers.figures(DRONE).unwrap();
+    // 90 frames a second of 6 to 28 bytes: some 100 of them have a wrong byte.
+    let frames = after.frames - before.frames;
+    assert!((1_000..2_000).contains(&frames), "{after:?}");
+    assert!((50..200).contains(&after.bad_frames), "{after:?}");
+    assert!(after.noise_bytes > 10 * after.bad_frames, "{after:?}");
+    assert!(after.questions_lost > 30, "{after:?}");
+    assert!(bench.violation.is_none() && bench.told.is_some_and(|it| !it.landing));
+}

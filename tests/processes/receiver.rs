@@ -1,0 +1,111 @@
+//! A simulated flight controller that notes when RC frames come.
+
+use std::io::{ErrorKind, Read, Write};
+use std::net::{TcpListener, TcpStream};
+use std::sync::{Arc, Mutex, MutexGuard};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use muster_controller::{Config, Controller, Truth};
+use muster_machines::time::Timestamp;
+use muster_msp::{Decode, Decoder, Message, ReceivedRc};
+use thread_priority::{
+    RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
+    set_thread_priority_and_policy, thread_native_id,
+};
+
+/// Longest wait for bytes.
+const PAUSE: Duration = Duration::from_millis(10);
+
+/// A simulated controller on TCP, and the RC frames that it received. Its thread ends with the test's process. It has real-time
+/// priority if the system grants it, as its delays are in what it measures.
+pub(super) struct Receiver {
+    pub(super) address: String,
+    seen: Arc<Mutex<Seen>>,
+}
+
+pub(super) struct Seen {
+    started: Instant,
+    controller: Controller,
+    pub(super) rc: Vec<(Instant, ReceivedRc)>,
+}
+
+impl Receiver {
+    pub(super) fn start(config: Config) -> Self {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let address = format!("tcp:{}", listener.local_addr().unwrap());
+        let seen = Arc::new(Mutex::new(Seen {
+            started: Instant::now(),
+            controller: Controller::new(config, 1, Timestamp::ZERO),
+            rc: Vec::new(),
+        }));
+        let served = Arc::clone(&seen);
+        thread::spawn(move || {
+            raise_priority();
+            for stream in listener.incoming() {
+                // A killed process resets its connection.
+                let _ = serve(&stream.unwrap(), &served);
+            }
+        });
+        Self { address, seen }
+    }
+
+    pub(super) fn seen(&self) -> MutexGuard<'_, Seen> {
+        self.seen.lock().unwrap()
+    }
+
+    pub(super) fn truth(&self) -> Truth {
+        let mut seen = self.seen();
+        let now = seen.now();
+        seen.controller.aircraft(now)
+    }
+
+    pub(super) fn received(&self) -> usize {
+        self.seen().rc.len()
+    }
+}
+
+impl Seen {
+    fn now(&self) -> Timestamp {
+        Timestamp::ZERO + self.started.elapsed()
+    }
+}
+
+fn serve(mut stream: &TcpStream, seen: &Mutex<Seen>) -> std::io::Result<()> {
+    stream.set_nodelay(true)?;
+    stream.set_read_timeout(Some(PAUSE))?;
+    let mut decoder = Decoder::default();
+    let mut buffer = [0; 1_024];
+    loop {
+        let length = match stream.read(&mut buffer) {
+            Ok(0) => return Ok(()),
+            Ok(length) => length,
+            Err(error) if error.kind() == ErrorKind::WouldBlock => 0,
+            Err(error) => return Err(error),
+        };
+        let at = Instant::now();
+        let mut seen = seen.lock().unwrap();
+        decoder.read(&buffer[..length], |frame| {
+            if frame.command == ReceivedRc::COMMAND {
+                let rc = ReceivedRc::decode(frame.payload).unwrap();
+                seen.rc.push((at, rc));
+            }
+        });
+        let now = seen.now();
+        seen.controller.receive(now, &buffer[..length]);
+        let replies = seen.controller.transmit(now);
+        let due = seen.controller.next_event();
+        drop(seen);
+        stream.write_all(&replies)?;
+        let wait = due.map_or(PAUSE, |due| due.since(now).min(PAUSE));
+        stream.set_read_timeout(Some(wait.max(Duration::from_millis(1))))?;
+    }
+}
+
+fn raise_priority() {
+    let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
+    let priority = ThreadPriorityValue::try_from(50).unwrap();
+    let priority = ThreadPriority::Crossplatform(priority);
+    // Without the right to it the measured delays are longer.
+    let _ = set_thread_priority_and_policy(thread_native_id(), priority, policy);
+}
