@@ -31,7 +31,7 @@ const SIGMA_MIN_M: f64 = 0.001;
 /// Index of the height among the axes.
 const UP: usize = 2;
 /// Age of a measurement up to which it is compared with where the vehicle was; an older one is rejected.
-pub const AGE_MAX: Duration = Duration::from_millis(500);
+const AGE_MAX: Duration = Duration::from_millis(500);
 /// Fastest turn about any axis that is believed at once, in rad/s: 400 °/s. Betaflight leans with less in the mode ANGLE.
 const TURN_MAX_RADPS: f64 = 6.98;
 /// Largest tilt that accelerates as it says, in radians: beyond 60°, Betaflight's `angle_limit`, height is not held.
