@@ -57,6 +57,15 @@ fn lanes_report_all_finds_although_the_leader_is_lost() {
 }
 
 #[test]
+fn drone_on_a_lane_stops_for_a_dead_one_above() {
+    install();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
+    let report = fly(&Sim::load(folder.join("comes-down-above-a-lane.toml")).unwrap());
+    assert!(report.min_separation_m.unwrap() > 5.0);
+    assert!(highest(&report, "finds") > 2.5);
+}
+
+#[test]
 fn restarted_process_continues_its_task_with_the_whole_roster() {
     install();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");

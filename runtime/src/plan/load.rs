@@ -83,7 +83,7 @@ pub fn build_plan(
     let landing = landing(raw, &vehicle);
     let avoids = raw.safety.avoid || agent.is_some();
     let planned = planned_separation(raw);
-    vehicle.avoid = avoids.then(|| avoid(raw, planned, landing, &protocol));
+    vehicle.avoid = avoids.then(|| avoid(raw, planned, landing, (&vehicle, &protocol)));
 
     let headroom = Headroom::new(raw, planned, &waypoints, ceiling_m);
     let (layout, changes) = assign_layers((source, raw), &waypoints, &headroom, &vehicle)?;
@@ -277,7 +277,7 @@ fn avoid(
     raw: &Raw,
     separation: Separation,
     landing: Landing,
-    protocol: &Protocol,
+    (vehicle, protocol): (&navigation::Config, &Protocol),
 ) -> traffic::Config {
     let touch_down_s = landing.final_altitude_m / landing.final_mps;
     traffic::Config {
@@ -285,7 +285,10 @@ fn avoid(
         time_to_live: protocol.time_to_live,
         controller_timeout: controller(raw),
         descent_mps: landing.descent_mps,
+        speed_mps: vehicle.speed_mps,
+        climb_mps: vehicle.climb_mps,
         touch_down_margin: Duration::from_secs_f64(touch_down_s),
+        has_followers: raw.protocol.kind == ProtocolKind::Follow,
     }
 }
 

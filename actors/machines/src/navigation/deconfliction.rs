@@ -91,6 +91,18 @@ impl Deconfliction {
         Some(self.intent(true))
     }
 
+    /// Announces that the drone comes to rest at `stop`; it can't give way meanwhile. A master that flies among its
+    /// followers looks at no drone that gives way to none.
+    pub(super) fn announce_stop(
+        &mut self,
+        now: Timestamp,
+        path: Path,
+        at_rest: bool,
+    ) -> Option<Transmit> {
+        let has_priority = !at_rest && !self.traffic.has_followers();
+        self.announce(now, Some(path), has_priority)
+    }
+
     /// Announces the progress on the path, in the next regular frame.
     pub(super) fn announce_progress(&mut self, now: Timestamp, place: Ned) -> Option<Transmit> {
         let announced = self.announced.as_mut()?;
@@ -159,6 +171,11 @@ impl Deconfliction {
         is_blocked || is_changed && self.next_retry.is_some()
     }
 
+    /// Whether no other drone is near a path.
+    pub(super) fn is_clear(&self, now: Timestamp, path: Path) -> bool {
+        self.traffic.is_clear(now, path)
+    }
+
     /// Whether a path may be started; ends the wait if so.
     pub(super) fn may_begin(&mut self, now: Timestamp, path: Path) -> bool {
         self.next_retry = None;
@@ -186,10 +203,12 @@ impl Deconfliction {
             .then(|| self.traffic.detour(now, path))?
     }
 
-    /// Starts or continues the wait for a clear path.
-    pub(super) fn wait(&mut self, now: Timestamp) {
+    /// Starts or continues the wait for a clear path; returns whether it continues.
+    pub(super) fn wait(&mut self, now: Timestamp) -> bool {
         self.next_retry = Some(now + RETRY_INTERVAL);
-        self.waiting_since.get_or_insert(now);
+        self.waiting_since
+            .replace(self.waiting_since.unwrap_or(now))
+            .is_some()
     }
 
     /// Starts anew for another goal; `in_lockstep` is whether it is flown in lockstep with the followers of its master.

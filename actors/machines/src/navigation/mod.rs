@@ -184,18 +184,16 @@ impl Navigation {
         let may_hold = telemetry.armed && !telemetry.landing;
         if self.health.is_position_lost() && may_hold && self.durable.goal != Some(Goal::Land) {
             // A goal received meanwhile may have another hold altitude.
-            let altitude_m = self
-                .durable
-                .goal
-                .and_then(Goal::hold_altitude_m)
-                .or(self.hold_commanded_m);
-            if altitude_m.is_none() || altitude_m != self.hold_commanded_m {
-                self.hold_commanded_m = Some(self.hold(now, telemetry));
+            let altitude_m = self.hold_altitude_m(now, telemetry);
+            if self.hold_commanded_m != Some(altitude_m) {
+                self.hold_commanded_m = Some(altitude_m);
+                self.hold(now, telemetry, altitude_m);
             }
         }
         for failure in report.failures {
             if failure == Failure::Geofence {
-                self.hold(now, telemetry);
+                let altitude_m = self.hold_altitude_m(now, telemetry);
+                self.hold(now, telemetry, altitude_m);
                 self.durable.goal = Some(Goal::Hold);
                 self.set_progress(Progress::Done);
             }
@@ -207,18 +205,25 @@ impl Navigation {
         }
     }
 
-    /// Holds on the spot at the hold altitude; returns it, in metres above home.
-    fn hold(&mut self, now: Timestamp, telemetry: &Telemetry) -> f64 {
-        let stop_m = telemetry.stop.altitude_m();
-        let altitude_m = self
-            .durable
-            .goal
-            .and_then(Goal::hold_altitude_m)
-            .unwrap_or(stop_m);
+    /// Altitude at which to hold on the spot, in metres above home: the goal's, or while others are on the way there that
+    /// of the last command, or where the vehicle comes to rest.
+    fn hold_altitude_m(&self, now: Timestamp, telemetry: &Telemetry) -> f64 {
+        let is_clear = |altitude_m: f64| {
+            let column = Path::new(telemetry.stop, telemetry.stop.at_altitude(altitude_m));
+            let deconfliction = self.deconfliction.as_ref();
+            deconfliction.is_none_or(|it| it.is_clear(now, column))
+        };
+        (self.durable.goal.and_then(Goal::hold_altitude_m))
+            .filter(|it| self.hold_commanded_m == Some(*it) || is_clear(*it))
+            .or(self.hold_commanded_m)
+            .unwrap_or(telemetry.stop.altitude_m())
+    }
+
+    /// Holds on the spot at an altitude in metres above home.
+    fn hold(&mut self, now: Timestamp, telemetry: &Telemetry, altitude_m: f64) {
         let path = Path::new(telemetry.position, telemetry.stop.at_altitude(altitude_m));
-        self.announce(now, Some(path), false);
+        self.announce_stop(now, path, false);
         self.command(FlightCommand::Fly(self.config.hold(altitude_m)));
-        altitude_m
     }
 
     fn advance(&mut self, now: Timestamp, telemetry: &Telemetry) {
@@ -266,7 +271,10 @@ impl Navigation {
                 }
                 return;
             }
-            Goal::Track { .. } => _ = self.hold(now, telemetry),
+            Goal::Track { .. } => {
+                let altitude_m = self.hold_altitude_m(now, telemetry);
+                self.hold(now, telemetry, altitude_m);
+            }
             Goal::Yield => self.announce(now, None, false),
             _ => {}
         }
@@ -388,14 +396,13 @@ impl Navigation {
 
     /// Comes to rest and retries the path to `corner`, or the landing if `None`.
     fn wait_for_traffic(&mut self, now: Timestamp, corner: Option<Ned>, telemetry: &Telemetry) {
-        self.announce(
-            now,
-            Some(Path::new(telemetry.position, telemetry.stop)),
-            false,
-        );
-        if let Some(deconfliction) = &mut self.deconfliction {
-            deconfliction.wait(now);
+        let is_waiting = self.deconfliction.as_mut().is_some_and(|it| it.wait(now));
+        // A vehicle that climbs while it brakes would come to rest higher each time it is told to hold.
+        if is_waiting && !telemetry.at_rest && telemetry.target.is_none() {
+            return self.announce_progress(now, telemetry);
         }
+        let path = Path::new(telemetry.position, telemetry.stop);
+        self.announce_stop(now, path, telemetry.at_rest);
         if !telemetry.at_rest || corner.is_some() && telemetry.target == corner {
             let hold = self.config.hold(telemetry.stop.altitude_m());
             self.command(FlightCommand::Fly(hold));
@@ -406,6 +413,15 @@ impl Navigation {
     fn announce(&mut self, now: Timestamp, path: Option<Path>, has_priority: bool) {
         if let Some(deconfliction) = &mut self.deconfliction
             && let Some(announcement) = deconfliction.announce(now, path, has_priority)
+        {
+            self.outbox.transmit(announcement);
+        }
+    }
+
+    /// Announces that the drone comes to rest at the end of `path`.
+    fn announce_stop(&mut self, now: Timestamp, path: Path, at_rest: bool) {
+        if let Some(deconfliction) = &mut self.deconfliction
+            && let Some(announcement) = deconfliction.announce_stop(now, path, at_rest)
         {
             self.outbox.transmit(announcement);
         }

@@ -23,10 +23,13 @@ pub use crate::wire::Intent;
 
 /// Largest age of an intent when it arrives: a radio passes on an unchanged intent once a second.
 const INTENT_AGE_MAX: Duration = Duration::from_secs(1);
-/// Time after which a silent drone out of radio range is assumed to be at the end of its path.
+/// Time beyond that of the flight after which a silent drone out of radio range is assumed to be at the end of its path.
 const ARRIVED_AFTER: Duration = Duration::from_secs(5);
-/// Minimum time for which a silent drone is assumed to be at the end of its path.
+/// Time beyond that of the flight for which a silent drone is assumed to be at the end of its path.
 const FORGET_AFTER: Duration = Duration::from_secs(30);
+/// Share of the distance of the farthest drone that is heard, up to which all are heard: at the edge of its range a radio
+/// hears some drones and not others.
+const SURELY_HEARD: f64 = 0.9;
 /// Largest difference of the displacements of two parallel paths, in metres.
 const PARALLEL_M: f64 = 1.0;
 /// Distances of detour points, as multiples of the horizontal separation.
@@ -53,14 +56,28 @@ pub struct Config {
     pub controller_timeout: Duration,
     /// Descent rate of that landing, in m/s.
     pub descent_mps: f64,
+    /// Ground speed of a leg, in m/s.
+    pub speed_mps: f64,
+    /// Climb rate, in m/s.
+    pub climb_mps: f64,
     /// Additional time for the last metres.
     pub touch_down_margin: Duration,
+    /// Whether drones follow a moving master, which flies among them.
+    pub has_followers: bool,
 }
 
 impl Config {
     /// Age of the last intent at which a drone counts as silent.
     fn silent_after(&self) -> Duration {
         self.time_to_live + INTENT_AGE_MAX
+    }
+
+    /// Time of the flight on a path, without its start and end.
+    fn flight_time(&self, path: Path) -> Duration {
+        let over_ground_s = path.from.horizontal_distance_m(path.to) / self.speed_mps;
+        let vertical_mps = self.climb_mps.min(self.descent_mps);
+        let vertical_s = path.from.vertical_distance_m(path.to) / vertical_mps;
+        Duration::try_from_secs_f64(over_ground_s.max(vertical_s)).unwrap_or(Duration::MAX)
     }
 
     /// Age of the last intent at which a drone without a process is on the ground, from this altitude in metres.
@@ -93,6 +110,11 @@ impl Traffic {
     /// Sets whether the drone flies in lockstep with the followers of its master.
     pub(crate) const fn set_in_lockstep(&mut self, in_lockstep: bool) {
         self.in_lockstep = in_lockstep;
+    }
+
+    /// Whether drones follow a moving master.
+    pub(crate) const fn has_followers(&self) -> bool {
+        self.config.has_followers
     }
 
     /// Updates or removes the intent of another drone; returns whether it changed.
@@ -178,14 +200,15 @@ impl Traffic {
         };
         self.occupied(now, remaining.from)
             .filter(move |(id, space)| {
-                let may_fly = space.precedence == Precedence::Leg || space.may_descend;
-                let is_parallel = may_fly && {
+                let is_parallel = space.precedence == Precedence::Leg && {
                     let other = self.others[id].0.path();
                     let difference_m =
                         ((whole.to - whole.from).0 - (other.to - other.from).0).norm();
-                    difference_m < PARALLEL_M && Precedence::of(other) == Precedence::Leg
+                    difference_m < PARALLEL_M
                 };
-                let is_in_lockstep = self.in_lockstep && self.others[id].0.is_following();
+                let is_in_lockstep = self.in_lockstep
+                    && self.config.has_followers
+                    && self.others[id].0.is_following();
                 let is_near_here = match space.precedence {
                     Precedence::Leg => space.is_near(here, self.separation_plus(-ROUNDING_M)),
                     _ => self.is_near(space, here),
@@ -221,7 +244,8 @@ impl Traffic {
             let space = if silent <= self.config.silent_after() {
                 Some(OccupiedSpace::of(*intent))
             } else {
-                self.space_of_silent(silent, *intent, apart_m(intent) <= reach_m)
+                let is_in_reach = apart_m(intent) <= reach_m * SURELY_HEARD;
+                self.space_of_silent(silent, *intent, is_in_reach)
             };
             Some((*id, space?))
         })
@@ -254,10 +278,13 @@ impl Traffic {
                 may_descend: true,
                 precedence: Precedence::Stationary,
             })
-        } else if silent <= ARRIVED_AFTER {
-            Some(OccupiedSpace::of(intent))
         } else {
-            (silent <= FORGET_AFTER).then(|| OccupiedSpace::at(remaining.to))
+            let after_flight = silent.saturating_sub(self.config.flight_time(remaining));
+            if !is_in_reach && after_flight <= ARRIVED_AFTER {
+                Some(OccupiedSpace::of(intent))
+            } else {
+                (after_flight <= FORGET_AFTER).then(|| OccupiedSpace::at(remaining.to))
+            }
         }
     }
 }

@@ -12,6 +12,9 @@ const CONFIG: Config = Config {
     controller_timeout: Duration::from_secs(5),
     descent_mps: 3.0,
     touch_down_margin: Duration::from_secs(10),
+    speed_mps: 20.0,
+    climb_mps: 3.0,
+    has_followers: true,
 };
 
 fn at(north_m: f64, east_m: f64, altitude_m: f64) -> Ned {
@@ -177,11 +180,47 @@ fn all_give_way_to_a_drone_with_priority() {
 }
 
 #[test]
-fn silent_drone_out_of_range_blocks_its_path_for_a_while() {
+fn silent_drone_out_of_range_blocks_its_path_until_it_must_have_arrived() {
     let there = at(60.0, 0.0, 12.0);
-    let known = traffic(&[(2, path(there, at(60.0, 500.0, 12.0)))]);
     let leg = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
-    assert!(!known.is_clear(seconds(5.0), leg) && known.is_clear(seconds(5.1), leg));
+    // 500 m take 25 s.
+    for (length_m, blocks_for_s) in [(10.0, 5.5), (500.0, 30.0)] {
+        let known = traffic(&[(2, path(there, at(60.0, length_m, 12.0)))]);
+        assert!(!known.is_clear(seconds(blocks_for_s), leg), "{length_m} m");
+        assert!(
+            known.is_clear(seconds(blocks_for_s + 0.1), leg),
+            "{length_m} m"
+        );
+    }
+}
+
+#[test]
+fn parallel_path_below_a_silent_drone_is_blocked() {
+    let ahead = path(at(60.0, 0.0, 30.0), at(220.0, 0.0, 30.0));
+    let below = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+    let behind = path(at(0.0, 0.0, 30.0), at(160.0, 0.0, 30.0));
+    let mut known = traffic(&[(9, ahead)]);
+    let far = at(-500.0, 0.0, 12.0);
+    for (at_s, is_clear) in [(3.0, true), (3.1, false)] {
+        let now = seconds(at_s);
+        known.update(now, NodeId(8), Some(intent(path(far, far))));
+        for leg in [below, behind] {
+            assert_eq!(known.is_clear(now, leg), is_clear, "{at_s}");
+            assert_eq!(known.must_give_way(now, leg, leg), !is_clear, "{at_s}");
+        }
+    }
+}
+
+#[test]
+fn silent_drone_at_the_edge_of_the_range_is_not_taken_for_dead() {
+    let hovers = at(60.0, 0.0, 30.0);
+    let leg = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+    for (heard_m, is_clear) in [(65.0, true), (69.0, true), (70.0, false)] {
+        let mut known = traffic(&[(9, path(hovers, hovers))]);
+        let heard = at(-heard_m, 0.0, 12.0);
+        known.update(seconds(4.0), NodeId(8), Some(intent(path(heard, heard))));
+        assert_eq!(known.is_clear(seconds(4.0), leg), is_clear, "{heard_m} m");
+    }
 }
 
 #[test]
@@ -194,6 +233,12 @@ fn only_a_drone_in_lockstep_flies_among_followers() {
     assert!(!known.is_clear(seconds(1.0), leg) && known.must_give_way(seconds(1.0), leg, leg));
     known.set_in_lockstep(true);
     assert!(known.is_clear(seconds(1.0), leg));
+    known.config.has_followers = false;
+    assert!(
+        !known.is_clear(seconds(1.0), leg),
+        "without followers it brakes"
+    );
+    known.config.has_followers = true;
     let lands = Intent::of(path(here, at(60.0, 0.0, 0.0)), 0.0, true);
     known.update(seconds(1.0), NodeId(9), Some(lands));
     assert!(!known.is_clear(seconds(1.0), leg));

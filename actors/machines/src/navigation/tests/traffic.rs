@@ -19,6 +19,9 @@ fn avoiding() -> Navigation {
         controller_timeout: Duration::from_secs(5),
         descent_mps: 1.5,
         touch_down_margin: Duration::from_secs(10),
+        speed_mps: 20.0,
+        climb_mps: 3.0,
+        has_followers: false,
     };
     let config = Config {
         avoid: Some(avoid),
@@ -165,9 +168,9 @@ fn drone_that_turns_back_brakes_and_announces_the_stop_first() {
             to: stop,
         },
         0.0,
-        false,
+        true,
     );
-    assert_eq!(output[0], announces(braking, true));
+    assert_eq!(output[0], announces(braking, true), "it can't give way");
     assert!(matches!(
         output[1..],
         [Transmit::FlightCommand(FlightCommand::Fly(
@@ -176,6 +179,81 @@ fn drone_that_turns_back_brakes_and_announces_the_stop_first() {
     ));
     let output = handle(&mut navigation, at_rest_at(stop));
     assert_eq!(leg(&output[1..]).0, back);
+}
+
+#[test]
+fn braking_drone_is_told_to_hold_once() {
+    let mut navigation = avoiding();
+    let (start, to) = (Ned::new(0.0, 0.0, -25.0), Ned::new(100.0, 0.0, -35.0));
+    handle(&mut navigation, Input::Goal(fly_to(to)));
+    handle(&mut navigation, at_rest_at(start));
+    let ahead = Ned::new(80.0, 0.0, -33.0);
+    traffic(&mut navigation, 2, ahead, ahead);
+    let braking = |stop, target| {
+        Input::Telemetry(Telemetry {
+            armed: true,
+            at_rest: false,
+            stop,
+            target,
+            ..ON_THE_GROUND
+        })
+    };
+    let first = Ned::new(12.0, 0.0, -26.2);
+    let output = handle(&mut navigation, braking(first, Some(to)));
+    assert!(
+        output.iter().any(|it| matches!(
+            it,
+            Transmit::FlightCommand(FlightCommand::Fly(Setpoint::Hold { altitude_m, .. }))
+                if (*altitude_m - 26.2).abs() < 1e-9
+        )),
+        "{output:?}"
+    );
+    // It climbs to that altitude as it brakes, and would come to rest higher by now.
+    let higher = Ned::new(12.0, 0.0, -28.0);
+    assert_eq!(handle(&mut navigation, braking(higher, None)), []);
+}
+
+#[test]
+fn drone_without_position_climbs_once_no_drone_is_above() {
+    let mut navigation = avoiding();
+    let start = Ned::new(0.0, 0.0, -25.0);
+    handle(
+        &mut navigation,
+        Input::Goal(fly_to(Ned::new(100.0, 0.0, -25.0))),
+    );
+    // Too near to climb past, and not too near to wait.
+    let above = Ned::new(0.0, 1.0, -31.0);
+    traffic(&mut navigation, 2, above, above);
+    let lost = Telemetry {
+        armed: true,
+        position: start,
+        stop: start,
+        position_lost_for: Some(Duration::from_secs(2)),
+        ..ON_THE_GROUND
+    };
+    let mut hold = || {
+        let output = handle(&mut navigation, Input::Telemetry(lost));
+        output.iter().find_map(|it| match it {
+            Transmit::FlightCommand(FlightCommand::Fly(Setpoint::Hold { altitude_m, .. })) => {
+                Some(*altitude_m)
+            }
+            _ => None,
+        })
+    };
+    assert_eq!((hold(), hold()), (Some(25.0), None));
+    let away = above + Ned::new(50.0, 0.0, 0.0);
+    traffic(&mut navigation, 2, away, away);
+    let output = handle(&mut navigation, Input::Telemetry(lost));
+    assert!(
+        output.contains(&Transmit::FlightCommand(FlightCommand::Fly(
+            Setpoint::Hold {
+                altitude_m: 30.0,
+                vertical_mps: 1.5,
+                acceleration_mps2: 1.0,
+            }
+        ))),
+        "{output:?}"
+    );
 }
 
 #[test]
