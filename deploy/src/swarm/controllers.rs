@@ -160,9 +160,6 @@ impl Controllers {
         self.0.iter_mut().filter_map(move |(id, flown)| {
             let truth = flown.controller.truth();
             let is_news = std::mem::replace(&mut flown.was_armed, truth.is_armed) != truth.is_armed;
-            if is_news {
-                eprintln!("{now} {truth:?}");
-            }
             let is_due = (flown.looked_at).is_none_or(|at| now.since(at) >= LOOK_EVERY);
             (is_news || truth.is_armed && is_due).then(|| {
                 flown.looked_at = Some(now);
