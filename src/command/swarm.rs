@@ -23,8 +23,7 @@ use super::{Failure, Outcome, folder, terminal};
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster swarm swarm-short --unlimited-range --json | jq .mission_completed
-  muster swarm swarm-short --prepare my-swarm
-  muster swarm betaflight-swarm --firmware betaflight_4.6.0_SITL")]
+  muster swarm swarm-short --prepare my-swarm")]
 pub(crate) struct Arguments {
     /// A scenario file, or the name of a shipped scenario (`muster list`).
     #[arg(value_name = "SCENARIO")]
