@@ -10,6 +10,7 @@ use rand::RngExt;
 
 use super::*;
 use crate::scenario::{Override, load};
+use rand::SeedableRng;
 
 const DRONE: NodeId = NodeId(0);
 

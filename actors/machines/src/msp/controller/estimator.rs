@@ -154,6 +154,12 @@ impl Past {
         }))
     }
 
+    fn set(&mut self, axis: usize, to_m: f64) {
+        for (_, position) in &mut self.positions {
+            position[axis] = to_m;
+        }
+    }
+
     fn shift(&mut self, axis: usize, by_m: f64) {
         for (_, position) in &mut self.positions {
             position[axis] += by_m;
@@ -226,6 +232,10 @@ pub(super) struct Estimator {
     fixed_at: Timestamp,
     /// The newest accepted height.
     height_at: Timestamp,
+    /// The newest accepted height of a pose.
+    posed_at: Option<Timestamp>,
+    /// What is added to the controller's own height, in metres.
+    offset_m: f64,
 }
 
 impl Estimator {
@@ -244,6 +254,8 @@ impl Estimator {
             ground_m,
             fixed_at: now,
             height_at: now,
+            posed_at: None,
+            offset_m: 0.0,
         }
     }
 
@@ -266,6 +278,8 @@ impl Estimator {
     pub(super) const fn forget_height(&mut self) {
         self.vertical = None;
         self.ground_m = None;
+        self.offset_m = 0.0;
+        self.posed_at = None;
     }
 
     /// The motion now. `None` before the first height. Before the first position it is home's.
@@ -336,9 +350,16 @@ impl Estimator {
         }
     }
 
-    /// Takes in the controller's own height and climb.
+    /// Takes in the controller's own height and climb. While poses tell the height it only notes how far its own is off, to
+    /// count on from there.
     pub(super) fn measure_altitude(&mut self, now: Timestamp, altitude: &Altitude) {
         let height_m = f64::from(altitude.altitude_cm) / 100.0;
+        if self.is_posed(now) {
+            let here_m = self.vertical.map_or(height_m, |it| it.position_m);
+            self.offset_m = here_m - height_m;
+            return;
+        }
+        let height_m = height_m + self.offset_m;
         let sigma_m = self.noise.height_m;
         let is_stale = now.since(self.height_at) > LOST_AFTER;
         let axis = match &mut self.vertical {
@@ -398,15 +419,25 @@ impl Estimator {
         }
         let place = [position.north_m(), position.east_m()];
         self.measure_place(now, place, sigma_m, age);
+        let up_m = position.altitude_m() + *self.ground_m.get_or_insert(0.0);
         let past = self.past.before(now, age);
-        if let (Some(axis), Some(ground_m), Some(past)) = (&mut self.vertical, self.ground_m, past)
-        {
-            let innovation_m = position.altitude_m() + ground_m - past[UP];
-            if let Some(by_m) = axis.correct_position(innovation_m, sigma_m) {
-                self.past.shift(UP, by_m);
-                self.height_at = now;
-            }
+        let is_posed = self.is_posed(now);
+        let (Some(axis), Some(past), true) = (&mut self.vertical, past, is_posed) else {
+            self.vertical = Some(Axis::at(up_m, sigma_m * sigma_m));
+            self.past.set(UP, up_m);
+            self.posed_at = Some(now);
+            return;
+        };
+        if let Some(by_m) = axis.correct_position(up_m - past[UP], sigma_m) {
+            self.past.shift(UP, by_m);
+            self.posed_at = Some(now);
         }
+    }
+
+    /// Whether poses tell the height.
+    fn is_posed(&self, now: Timestamp) -> bool {
+        let since = self.posed_at.map(|at| now.since(at));
+        since.is_some_and(|since| since <= LOST_AFTER)
     }
 
     /// Takes in a place, north and east, that is `age` old. Returns whether it was near enough.
@@ -523,6 +554,39 @@ mod tests {
         assert!(north_m.abs() < 0.03, "{north_m}");
         assert!((estimate.velocity.0.x - 0.858 * 5.98).abs() < 0.05);
         assert!((estimate.position.altitude_m() - 1.5).abs() < 0.05);
+    }
+
+    #[test]
+    fn a_wrong_barometer_does_not_count_while_poses_tell_the_height() {
+        let mut estimator = estimator();
+        let pose = |altitude_m: f64| Pose {
+            position: Ned::new(0.0, 0.0, -altitude_m),
+            sigma_m: 0.05,
+            age: Duration::from_millis(100),
+        };
+        let height_m = |estimator: &Estimator| estimator.estimate().unwrap().position.altitude_m();
+        for step in 0..200_u32 {
+            let now = at(f64::from(step) / 10.0);
+            estimator.predict(now);
+            // It stays at zero.
+            estimator.measure_altitude(now, &Altitude::default());
+            estimator.measure_pose(now, &pose(2.0));
+        }
+        assert!((height_m(&estimator) - 2.0).abs() < 0.05);
+        // A jump is believed after a second.
+        for step in 200..220_u32 {
+            let now = at(f64::from(step) / 10.0);
+            estimator.predict(now);
+            estimator.measure_pose(now, &pose(5.0));
+        }
+        assert!((height_m(&estimator) - 5.0).abs() < 0.1);
+        // Without poses the barometer counts on from there.
+        for step in 220..260_u32 {
+            let now = at(f64::from(step) / 10.0);
+            estimator.predict(now);
+            estimator.measure_altitude(now, &Altitude::default());
+        }
+        assert!((height_m(&estimator) - 5.0).abs() < 0.5);
     }
 
     #[test]
