@@ -9,6 +9,7 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use muster_msp::check::{Finding, ReceiverMode};
 use muster_msp::{Configuration, Decode, Uid, ask};
 use muster_port::{
     Address, AskError, BadAddress, CommandLineError, Session, read_override_settings,
@@ -127,12 +128,16 @@ fn add_override_settings(
     Ok(())
 }
 
-/// All settings of a disarmed controller, those of its command line too, and the number of its chip.
-pub(super) fn read_all(address: &Address) -> Result<(Configuration, Uid), ControllerError> {
+/// The settings of a disarmed controller and the number of its chip. The command line is asked only if all else is fit for a
+/// pilot's receiver.
+pub(super) fn read_for_grant(address: &Address) -> Result<(Configuration, Uid), ControllerError> {
     let mut session = open(address)?;
     let mut configuration = reading(address, Configuration::read(&mut session))?;
     let uid = reading(address, ask(&mut session))?;
-    add_override_settings(address, session, &mut configuration)?;
+    let findings = muster_msp::check::check(&configuration, ReceiverMode::Override);
+    if findings.iter().all(Finding::is_unread_override) {
+        add_override_settings(address, session, &mut configuration)?;
+    }
     Ok((configuration, uid))
 }
 

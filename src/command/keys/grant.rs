@@ -74,7 +74,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         let message = format!("a grant until {until} has ended: it is {issued}");
         return Err(BadInput::without_excerpt(folder, message, "choose a later end").into());
     }
-    let (configuration, uid) = fc::read_all(address)?;
+    let (configuration, uid) = fc::read_for_grant(address)?;
     let findings = check(&configuration, ReceiverMode::Override);
     if !findings.is_empty() {
         let lines = fc::findings(address, &configuration, ReceiverMode::Override, &findings);
