@@ -1,3 +1,5 @@
+mod grant;
+
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -6,16 +8,17 @@ use muster_runtime::identity::{Fleet, KeysError};
 
 use super::{Failure, Outcome, terminal};
 
-/// Create the keys of a fleet and its drones, and revoke drones.
+/// Create the keys of a fleet and its drones, revoke drones, and grant stages.
 ///
-/// The fleet's secret key signs the roster (which drone has which key) and the revocation list. Keep its folder off the
-/// drones. A drone needs fleet.pub, roster.toml, revoked.toml and its own drone-ID.key. Existing keys are never
+/// The fleet's secret key signs the roster (which drone has which key), the revocation list and grants. Keep its folder off
+/// the drones. A drone needs fleet.pub, roster.toml, revoked.toml and its own drone-ID.key. Existing keys are never
 /// overwritten.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster keys fleet my-fleet
   muster keys drone my-fleet 0 1 2 3 4
-  muster keys revoke my-fleet 3")]
+  muster keys revoke my-fleet 3
+  muster keys grant my-fleet 2 --stage tethered --controller /dev/ttyACM0 --days 7")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     action: Action,
@@ -32,6 +35,7 @@ enum Action {
     Drone(Drones),
     /// Add drones to the signed revocation list. Drones read it at start and on SIGHUP, and distribute it.
     Revoke(Drones),
+    Grant(grant::Arguments),
 }
 
 #[derive(Debug, Args)]
@@ -76,6 +80,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 ))?;
             }
         }
+        Action::Grant(arguments) => return grant::run(arguments),
         Action::Revoke(drones) => {
             let ids: Vec<_> = drones.ids.iter().copied().map(NodeId).collect();
             let revoked = Fleet::open(&drones.folder)?.revoke(&ids)?;

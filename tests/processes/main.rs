@@ -10,6 +10,7 @@ mod real_time {
     mod controllers;
     mod fleet;
     mod flights;
+    mod grants;
     mod hostile;
     mod hosts;
     mod identity;

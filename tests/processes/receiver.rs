@@ -6,7 +6,7 @@ use std::sync::{Arc, Mutex, MutexGuard};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use muster_controller::{Config, Controller, Truth};
+use muster_controller::{CHANNELS, Config, Controller, Truth};
 use muster_machines::time::Timestamp;
 use muster_msp::{Decode, Decoder, Message, ReceivedRc};
 use thread_priority::{
@@ -60,6 +60,15 @@ impl Receiver {
         seen.controller.aircraft(now)
     }
 
+    /// The pilot's sticks and switches: roll, pitch, yaw, throttle, ARM, ANGLE, MSP OVERRIDE.
+    pub(super) fn pilot(&self, channels: [u16; 7]) {
+        let mut all = [1_000; CHANNELS];
+        all[..7].copy_from_slice(&channels);
+        let mut seen = self.seen();
+        let now = seen.now();
+        seen.controller.pilot(now, Some(&all));
+    }
+
     pub(super) fn received(&self) -> usize {
         self.seen().rc.len()
     }
@@ -83,6 +92,10 @@ fn serve(mut stream: &TcpStream, seen: &Mutex<Seen>) -> std::io::Result<()> {
             Err(error) if error.kind() == ErrorKind::WouldBlock => 0,
             Err(error) => return Err(error),
         };
+        if let Some(answer) = command_line(&buffer[..length]) {
+            stream.write_all(answer.as_bytes())?;
+            continue;
+        }
         let at = Instant::now();
         let mut seen = seen.lock().unwrap();
         decoder.read(&buffer[..length], |frame| {
@@ -100,6 +113,22 @@ fn serve(mut stream: &TcpStream, seen: &Mutex<Seen>) -> std::io::Result<()> {
         let wait = due.map_or(PAUSE, |due| due.since(now).min(PAUSE));
         stream.set_read_timeout(Some(wait.max(Duration::from_millis(1))))?;
     }
+}
+
+/// What the command line says to a line, or to what opens it. The simulated controller has none: it has the settings that
+/// [`Settings::fit_overriding`](muster_controller::Settings::fit_overriding) stands for.
+fn command_line(said: &[u8]) -> Option<String> {
+    let name = match std::str::from_utf8(said).ok()? {
+        "#" => return Some("Entering CLI Mode\r\n# ".to_owned()),
+        "exit noreboot\n" => return Some(String::new()),
+        line => line.strip_prefix("get ")?.trim_end(),
+    };
+    let value = match name {
+        "msp_override_channels_mask" => "15",
+        "msp_override_failsafe" => "OFF",
+        _ => return None,
+    };
+    Some(format!("{name} = {value}\r\n\r\n# "))
 }
 
 fn raise_priority() {

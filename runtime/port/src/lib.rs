@@ -15,6 +15,7 @@ mod wire;
 
 pub use address::{Address, BadAddress};
 pub use command_line::{CommandLineError, read_override_settings};
+pub use fitness::Found;
 pub use link::{Event, Link};
 pub use priority::raise_priority;
 pub use session::{AskError, Latency, Session};

@@ -8,13 +8,13 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::{self, JoinHandle};
 use std::time::{Duration, Instant};
 
-use muster_msp::check::{Finding, ReceiverMode};
+use muster_msp::check::ReceiverMode;
 use muster_msp::{Decoder, Message, SetRawRc, TICK};
 
 pub use self::inbox::Event;
 use self::inbox::Inbox;
 use crate::address::Address;
-use crate::fitness;
+use crate::fitness::{self, Look};
 use crate::priority::raise_priority;
 use crate::session::{AskError, Session};
 use crate::status::Status;
@@ -131,9 +131,9 @@ fn keep_open(shared: &Shared, address: &Address, mode: Option<ReceiverMode>) {
         // It flies: RC must not wait, and its settings were looked at on the ground.
         let mode = mode.filter(|_| !shared.inbox().is_armed());
         let error = match open(address, mode) {
-            Ok((wire, unfit)) => {
+            Ok((wire, look)) => {
                 let wire = Arc::new(wire);
-                shared.inbox().open(shared.now(), wire.clone(), unfit);
+                shared.inbox().open(shared.now(), wire.clone(), look);
                 read_while_open(shared, &wire, &mut back_off)
             }
             Err(error) => Some(error),
@@ -149,18 +149,18 @@ fn keep_open(shared: &Shared, address: &Address, mode: Option<ReceiverMode>) {
     }
 }
 
-/// Opens the port. Returns what makes the controller unfit to be flown in `mode`, if it was looked at.
-fn open(address: &Address, mode: Option<ReceiverMode>) -> io::Result<(Wire, Option<Vec<Finding>>)> {
+/// Opens the port. Looks at the controller if there is a `mode`.
+fn open(address: &Address, mode: Option<ReceiverMode>) -> io::Result<(Wire, Option<Look>)> {
     let Some(mode) = mode else {
         return Ok((Wire::open(address, WAIT)?, None));
     };
     let mut session = Session::open(address)?;
-    let unfit = fitness::findings(&mut session, mode).map_err(|error| match error {
+    let look = fitness::look(&mut session, mode).map_err(|error| match error {
         AskError::Port(error) => error,
         error => io::Error::new(io::ErrorKind::TimedOut, error),
     })?;
     session.wire.set_wait(WAIT)?;
-    Ok((session.wire, Some(unfit)))
+    Ok((session.wire, Some(look)))
 }
 
 /// Returns why the port failed; `None` if the writer closed it, or the link ends.

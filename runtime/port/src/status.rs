@@ -1,10 +1,12 @@
 //! State of a link, for who watches it.
 
+use std::sync::Arc;
 use std::time::Duration;
 
 use muster_msp::check::Finding;
 use muster_msp::{Counts, Identity};
 
+use crate::fitness::Found;
 use crate::session::Latency;
 
 /// Whether there is a controller.
@@ -30,6 +32,8 @@ pub struct Status {
     pub identity: Option<Identity>,
     /// What makes it unfit to fly, since the port was opened last. Empty if it is fit or was not looked at.
     pub unfit: Vec<Finding>,
+    /// What the last look at the controller found. `None` if it was not looked at, or can't be read.
+    pub found: Option<Arc<Found>>,
     /// Why the port was closed last.
     pub closed_by: Option<String>,
     /// How often the port was opened.

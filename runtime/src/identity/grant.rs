@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use ed25519_dalek::SigningKey;
 use muster_machines::identity::NodeId;
-use muster_msp::{Configuration, Uid};
+use muster_msp::{Configuration, Identity, Uid};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
@@ -99,12 +99,18 @@ impl ControllerFacts {
     /// The facts that a controller tells.
     #[must_use]
     pub fn new(configuration: &Configuration, uid: &Uid) -> Self {
-        let identity = &configuration.identity;
+        let settings = Sha256::digest(configuration.to_bytes()).into();
+        Self::of_armed(&configuration.identity, uid, settings)
+    }
+
+    /// The facts of a controller that is not asked for its settings, as it is armed.
+    #[must_use]
+    pub fn of_armed(identity: &Identity, uid: &Uid, settings: [u8; 32]) -> Self {
         let [first, second, third] = uid.uid;
         Self {
             chip: format!("{first:08x}{second:08x}{third:08x}"),
             firmware: format!("{} {}", identity.variant.variant, identity.version),
-            settings: Sha256::digest(configuration.to_bytes()).into(),
+            settings,
         }
     }
 }
@@ -208,6 +214,20 @@ impl Grant {
         Ok(grant)
     }
 
+    /// Checks whether it is for a drone and its stage; with which controller and when is not looked at.
+    ///
+    /// # Errors
+    /// If it is for another drone, or a lower stage.
+    pub fn is_for(&self, drone: NodeId, stage: GrantedStage) -> Result<(), GrantRefusal> {
+        if drone != self.drone {
+            Err(GrantRefusal::OtherDrone(self.drone))
+        } else if stage > self.stage {
+            Err(GrantRefusal::LowerStage(self.stage))
+        } else {
+            Ok(())
+        }
+    }
+
     /// Checks whether it allows a drone this stage with this controller. `newest`: the newest time that is known, of clock
     /// and journal; the time of the signature counts, too.
     ///
@@ -220,13 +240,10 @@ impl Grant {
         found: &ControllerFacts,
         newest: CalendarTime,
     ) -> Result<(), GrantRefusal> {
+        self.is_for(drone, stage)?;
         let granted = &self.controller;
         let now = newest.max(self.issued);
-        if drone != self.drone {
-            Err(GrantRefusal::OtherDrone(self.drone))
-        } else if stage > self.stage {
-            Err(GrantRefusal::LowerStage(self.stage))
-        } else if now >= self.until {
+        if now >= self.until {
             Err(GrantRefusal::Ended {
                 until: self.until,
                 now,

@@ -17,6 +17,7 @@
 mod authenticator;
 mod fleet;
 mod grant;
+mod ground_check;
 mod key;
 mod lists;
 mod operator;
@@ -24,6 +25,7 @@ mod operator;
 pub use authenticator::{Ed25519Authenticator, IdentityMismatch};
 pub use fleet::{Fleet, KeysError};
 pub use grant::{CalendarTime, ControllerFacts, Grant, GrantRefusal, GrantedStage};
+pub use ground_check::GroundCheck;
 pub use key::{DroneKey, FleetKey};
 pub use lists::{RevocationList, Roster};
 pub use operator::OperatorKey;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use muster_controller::{Controller, Fault, PoseSensor, Truth};
 use muster_machines::identity::NodeId;
-use muster_machines::msp::controller::{LOST_AFTER, Receiver};
+use muster_machines::msp::controller::{LOST_AFTER, Receiver, Stage};
 use muster_machines::msp::{Introduction, PortEvent};
 use muster_machines::time::Timestamp;
 use muster_msp::{Conversation, Decoder, Direction, Frame, Message, SetRawRc, Write};
@@ -383,7 +383,10 @@ impl Attached {
             && let Some(identity) = self.conversation.identity()
         {
             self.is_identified = true;
-            events.push(PortEvent::Identified(Box::new(identity.clone())));
+            events.push(PortEvent::Identified {
+                identity: Box::new(identity.clone()),
+                granted: Stage::Bench,
+            });
         }
     }
 

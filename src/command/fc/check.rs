@@ -1,11 +1,11 @@
 use clap::{Args, ValueEnum};
 use muster_msp::Configuration;
 use muster_msp::check::{Finding, ReceiverMode, check};
-use muster_port::{Address, read_override_settings};
+use muster_port::Address;
 use muster_runtime::text::plural;
 use serde_json::json;
 
-use super::{ControllerError, Device, Failure, Outcome, open, reading};
+use super::{ControllerError, Device, Failure, Outcome, add_override_settings, open, reading};
 use crate::command::terminal;
 
 /// Check whether a flight controller's settings are fit to fly.
@@ -52,7 +52,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let text = if *json {
         in_json(address, &configuration, mode, &findings)
     } else {
-        in_lines(address, &configuration, mode, &findings)
+        self::findings(address, &configuration, mode, &findings)
     };
     terminal::print(&text)?;
     Ok(if findings.is_empty() {
@@ -66,17 +66,13 @@ fn read(address: &Address, cli: bool) -> Result<Configuration, ControllerError> 
     let mut session = open(address)?;
     let mut configuration = reading(address, Configuration::read(&mut session))?;
     if cli {
-        let settings = read_override_settings(session, &configuration.identity);
-        configuration.override_settings =
-            settings.map_err(|source| ControllerError::CommandLine {
-                address: address.clone(),
-                source,
-            })?;
+        add_override_settings(address, session, &mut configuration)?;
     }
     Ok(configuration)
 }
 
-fn in_lines(
+/// The verdict, and a paragraph for each finding.
+pub(in crate::command) fn findings(
     address: &Address,
     configuration: &Configuration,
     mode: ReceiverMode,

@@ -9,9 +9,13 @@ use std::net::SocketAddr;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use muster_msp::{Decode, ask};
-use muster_port::{Address, AskError, BadAddress, CommandLineError, Session};
+use muster_msp::check::{Finding, ReceiverMode};
+use muster_msp::{Configuration, Decode, Uid, ask};
+use muster_port::{
+    Address, AskError, BadAddress, CommandLineError, Session, read_override_settings,
+};
 
+pub(super) use self::check::findings;
 use super::{Failure, Outcome};
 
 /// Look at a flight controller that speaks MSP, such as Betaflight.
@@ -46,7 +50,8 @@ struct Device {
     json: bool,
 }
 
-fn address(text: &str) -> Result<Address, BadAddress> {
+/// Reads the name of a port.
+pub(super) fn address(text: &str) -> Result<Address, BadAddress> {
     text.parse()
 }
 
@@ -107,6 +112,33 @@ fn reading<T>(address: &Address, read: Result<T, AskError>) -> Result<T, Control
         address: address.clone(),
         source,
     })
+}
+
+/// Adds what only the command line tells.
+fn add_override_settings(
+    address: &Address,
+    session: Session,
+    configuration: &mut Configuration,
+) -> Result<(), ControllerError> {
+    let settings = read_override_settings(session, &configuration.identity);
+    configuration.override_settings = settings.map_err(|source| ControllerError::CommandLine {
+        address: address.clone(),
+        source,
+    })?;
+    Ok(())
+}
+
+/// The settings of a disarmed controller and the number of its chip. The command line is asked only if all else is fit for a
+/// pilot's receiver.
+pub(super) fn read_for_grant(address: &Address) -> Result<(Configuration, Uid), ControllerError> {
+    let mut session = open(address)?;
+    let mut configuration = reading(address, Configuration::read(&mut session))?;
+    let uid = reading(address, ask(&mut session))?;
+    let findings = muster_msp::check::check(&configuration, ReceiverMode::Override);
+    if findings.iter().all(Finding::is_unread_override) {
+        add_override_settings(address, session, &mut configuration)?;
+    }
+    Ok((configuration, uid))
 }
 
 /// A message that not every controller has.

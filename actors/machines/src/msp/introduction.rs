@@ -5,6 +5,7 @@ use std::time::Duration;
 use muster_msp::{Identity, Status, Telemetry as Told};
 
 use super::PortEvent;
+use super::controller::Stage;
 use crate::time::Timestamp;
 
 /// How long a status is told to new links. It is asked five times a second.
@@ -13,7 +14,8 @@ const STATUS_MAX: Duration = Duration::from_millis(500);
 /// What a port has said of its controller. The owner of a port keeps one beside it.
 #[derive(Debug, Default)]
 pub struct Introduction {
-    identity: Option<Box<Identity>>,
+    /// Who it is, and the stage that is granted with it.
+    identity: Option<(Box<Identity>, Stage)>,
     status: Option<(Timestamp, Status)>,
 }
 
@@ -21,9 +23,9 @@ impl Introduction {
     /// An event of the port is on its way to the link.
     pub fn take(&mut self, now: Timestamp, event: &PortEvent) {
         match event {
-            PortEvent::Identified(identity) => {
+            PortEvent::Identified { identity, granted } => {
                 *self = Self {
-                    identity: Some(identity.clone()),
+                    identity: Some((identity.clone(), *granted)),
                     status: None,
                 }
             }
@@ -41,7 +43,7 @@ impl Introduction {
             .filter(|(at, _)| identity.is_some() && now.since(*at) < STATUS_MAX)
             .map(|(_, status)| PortEvent::Told(Told::Status(status.clone())));
         identity
-            .map(PortEvent::Identified)
+            .map(|(identity, granted)| PortEvent::Identified { identity, granted })
             .into_iter()
             .chain(status)
     }
@@ -60,7 +62,10 @@ mod tests {
     }
 
     fn identified() -> PortEvent {
-        PortEvent::Identified(Box::default())
+        PortEvent::Identified {
+            identity: Box::default(),
+            granted: Stage::Tethered,
+        }
     }
 
     #[test]

@@ -15,7 +15,9 @@ use muster_machines::node::LinkBuilder;
 use muster_machines::wire;
 use muster_port::Address;
 use muster_runtime::diagnostic::{BadInput, FileFormat, TomlFile, read_text};
-use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
+use muster_runtime::identity::{
+    DroneKey, Ed25519Authenticator, FleetKey, Grant, GrantedStage, RevocationList, Roster,
+};
 use muster_runtime::journal::flights;
 use muster_runtime::plan::Plan;
 use muster_runtime::schema::{self, FieldList, FileSchema, Located};
@@ -32,6 +34,12 @@ use crate::log::{Format, Level};
 /// the journal.
 fn kept_list(journal: &Path, id: u32) -> PathBuf {
     journal.with_file_name(format!("revoked-kept-{id}.toml"))
+}
+
+/// Path of the last check of a drone's flight controller on the ground. It is beside the journal's folder, because it
+/// outlives the journal.
+fn kept_check(journal: &Path, id: u32) -> PathBuf {
+    journal.with_file_name(format!("controller-kept-{id}.toml"))
 }
 
 /// The most peers of a drone.
@@ -103,6 +111,17 @@ pub(crate) struct ControllerConfig {
     pub(crate) receiver: Receiver,
     /// Where poses arrive. `None` if GPS tells where the vehicle is.
     pub(crate) pose: Option<SocketAddr>,
+    /// What must be earned. `None` up to the stage `bench`.
+    pub(crate) permission: Option<Permission>,
+}
+
+/// A grant for a stage above `bench`. It names this drone and at least this stage.
+#[derive(Debug, Clone)]
+pub(crate) struct Permission {
+    pub(crate) grant: Grant,
+    pub(crate) stage: GrantedStage,
+    /// Path of the controller's last check on the ground.
+    pub(crate) kept: PathBuf,
 }
 
 /// Returns the text of the file at a path.
@@ -281,11 +300,8 @@ impl File {
         let stage = match (stage.get_ref(), vehicle.get_ref()) {
             (StageName::Sim, _) => Stage::Sim,
             (StageName::Bench, VehicleName::Msp) => Stage::Bench,
-            (StageName::Tethered | StageName::Flight, VehicleName::Msp) => {
-                let message =
-                    "`stage` needs \"sim\" or \"bench\": no higher stage is supported yet";
-                return refuse(stage.span(), message);
-            }
+            (StageName::Tethered, VehicleName::Msp) => Stage::Tethered,
+            (StageName::Flight, VehicleName::Msp) => Stage::Flight,
             (_, VehicleName::ClosedForm) => {
                 let message = "`stage` needs \"sim\": a simulated vehicle flies in no other stage";
                 return refuse(stage.span(), message);
@@ -323,6 +339,7 @@ impl File {
             return refuse(pose.span(), message);
         }
         Ok(Some(ControllerConfig {
+            permission: self.permission(receiver)?,
             pose: raw.pose.as_ref().map(|it| *it.get_ref()),
             port: address,
             stage,
@@ -330,6 +347,38 @@ impl File {
                 ReceiverName::Sole => Receiver::Sole,
                 ReceiverName::Override => Receiver::Override,
             },
+        }))
+    }
+
+    /// The grant that the stage needs, if it needs one.
+    fn permission(&self, receiver: &Located<ReceiverName>) -> Result<Option<Permission>, BadInput> {
+        let raw = &self.0.raw;
+        let stage = match raw.stage.get_ref() {
+            StageName::Sim | StageName::Bench => return Ok(None),
+            StageName::Tethered => GrantedStage::Tethered,
+            StageName::Flight => GrantedStage::Flight,
+        };
+        if *receiver.get_ref() == ReceiverName::Sole {
+            let message = format!(
+                "the stage \"{stage}\" needs `receiver = \"override\"`: a pilot who arms and can take over"
+            );
+            return Err(self.0.error(receiver.span(), &message));
+        }
+        let Some(path) = &raw.keys.grant else {
+            let message = format!(
+                "the stage \"{stage}\" needs `keys.grant`, a file that `muster keys grant` writes"
+            );
+            return Err(self.0.error(raw.stage.span(), &message));
+        };
+        let grant = Grant::load(&self.0.resolve(path.get_ref()), &self.fleet()?)?;
+        let id = *raw.id.get_ref();
+        if let Err(refusal) = grant.is_for(NodeId(id), stage) {
+            return Err(self.0.error(path.span(), &refusal.to_string()));
+        }
+        Ok(Some(Permission {
+            grant,
+            stage,
+            kept: kept_check(&self.0.resolve(&raw.journal), id),
         }))
     }
 

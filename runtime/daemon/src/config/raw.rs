@@ -75,9 +75,10 @@ pub(super) enum StageName {
     Sim,
     /// Telemetry of a flight controller. Never arms, and no motor turns.
     Bench,
-    /// Not supported yet.
+    /// Flies what the pilot arms, at most 2 m high and 3 m from where it took off, with tilt and throttle capped. Needs
+    /// `receiver = "override"` and `keys.grant`.
     Tethered,
-    /// Not supported yet.
+    /// Flies what the pilot arms. Needs `receiver = "override"` and `keys.grant`.
     Flight,
 }
 
@@ -136,6 +137,13 @@ pub(super) struct Keys {
     /// The revocation list, signed by the fleet's key.
     #[schemars(extend("x-accepted" = "the path of a revocation list, relative to this file"))]
     pub(super) revoked: PathBuf,
+    /// The grant for the stage, signed by the fleet's key; lower stages ignore it. If it does not fit the flight controller
+    /// that is found, or has ended, the stage falls to `bench`.
+    #[schemars(extend(
+        "x-accepted" = "the path of a grant, relative to this file",
+        "x-condition" = "required in the stages `tethered` and `flight`"
+    ))]
+    pub(super) grant: Option<Located<PathBuf>>,
 }
 
 /// Sockets and addresses of a transport. One of `group`, `broadcast` and `peers` is required.

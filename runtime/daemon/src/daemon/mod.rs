@@ -14,6 +14,7 @@ mod monitor;
 mod network;
 mod operators;
 mod outcome;
+mod permission;
 mod process;
 mod radio_link;
 mod reporter;

@@ -1,7 +1,7 @@
 //! What a drone's process flies: a simulated vehicle, or a flight controller behind a port.
 
 use std::io;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use muster_machines::geometry::{Ned, Velocity};
@@ -14,6 +14,7 @@ use muster_port::{Event, Link};
 use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use tokio::sync::mpsc;
 
+use super::permission::{Checker, Refused};
 use crate::config::ControllerConfig;
 use crate::pose;
 
@@ -35,6 +36,8 @@ pub(super) struct Controlled {
     port: Arc<Link>,
     /// Whether the drone may fly it. In the stage `bench` it may not, and any settings will do.
     flies: bool,
+    /// Why its stage has fallen to `bench`.
+    refused: Refused,
     /// What the navigation was told last.
     telemetry: Telemetry,
     introduction: Introduction,
@@ -99,6 +102,17 @@ impl Vehicle {
         is_for_link
     }
 
+    /// Why the stage has fallen to `bench`. `None` if it has not.
+    pub(super) fn ungranted(&self) -> Option<String> {
+        match self {
+            Self::Controlled(controlled) => {
+                let refused = controlled.refused.lock();
+                refused.unwrap_or_else(PoisonError::into_inner).clone()
+            }
+            Self::Simulated(_) => None,
+        }
+    }
+
     /// Why the flight controller is refused: it is not fit to fly. Its link is not told who it is, so that it sends no RC.
     /// Empty if it is not refused.
     pub(super) fn refused(&self) -> Vec<Finding> {
@@ -158,13 +172,16 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
         pose::listen(address, sender.clone())?;
     }
     let source = Arc::downgrade(&port);
+    let mut checker = Checker::new(config.permission.clone());
+    let refused = checker.refused();
     std::thread::Builder::new()
         .name("port-events".to_owned())
         .spawn(move || {
             while let Some(port) = source.upgrade()
                 && !sender.is_closed()
             {
-                let event = port.next_event(WAIT).and_then(told);
+                let event = port.next_event(WAIT);
+                let event = event.and_then(|event| told(event, &port, &mut checker));
                 drop(port);
                 if event.is_some_and(|event| sender.blocking_send(event).is_err()) {
                     return;
@@ -186,6 +203,7 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
     let controlled = Controlled {
         port,
         flies: config.stage != Stage::Bench,
+        refused,
         telemetry,
         introduction: Introduction::default(),
     };
@@ -194,7 +212,7 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
 }
 
 /// Logs an event, and returns it for the link.
-fn told(event: Event) -> Option<PortEvent> {
+fn told(event: Event, port: &Link, checker: &mut Checker) -> Option<PortEvent> {
     Some(match event {
         Event::Unfit(findings) => {
             for finding in findings {
@@ -205,7 +223,10 @@ fn told(event: Event) -> Option<PortEvent> {
         Event::Identified(identity) => {
             let (board, version) = (identity.board.board, &identity.version);
             tracing::info!(%board, major = version.major, minor = version.minor, "flight controller");
-            PortEvent::Identified(Box::new(identity))
+            PortEvent::Identified {
+                identity: Box::new(identity),
+                granted: checker.granted(port.status().found),
+            }
         }
         Event::Closed(error) => {
             tracing::warn!(error, "the port of the flight controller is closed");

@@ -11,6 +11,7 @@ use muster_msp::{
 };
 
 use super::RC;
+use crate::fitness::Look;
 use crate::rate::Rate;
 use crate::session::Latency;
 use crate::status::{State, Status};
@@ -54,18 +55,19 @@ pub(super) struct Inbox {
 }
 
 impl Inbox {
-    pub(super) fn open(&mut self, now: Duration, wire: Arc<Wire>, unfit: Option<Vec<Finding>>) {
+    pub(super) fn open(&mut self, now: Duration, wire: Arc<Wire>, look: Option<Look>) {
         self.conversation.reopen(now);
         self.wire = Some(wire);
         self.is_identified = false;
         self.latency = Latency::default();
         self.heard = now;
         self.status.opened += 1;
-        if let Some(unfit) = unfit {
+        if let Some(Look { unfit, found }) = look {
             if !unfit.is_empty() {
                 self.push(Event::Unfit(unfit.clone()));
             }
             self.status.unfit = unfit;
+            self.status.found = found.map(Arc::new);
         }
     }
 

@@ -158,7 +158,9 @@ impl Flown {
             && let Some(identity) = self.conversation.identity().cloned()
         {
             self.is_identified = true;
-            told.insert(0, PortEvent::Identified(Box::new(identity)));
+            let identity = Box::new(identity);
+            let granted = Stage::Bench;
+            told.insert(0, PortEvent::Identified { identity, granted });
         }
         for event in told {
             self.give(Input::Port(event));

@@ -183,7 +183,7 @@ fn new_link_is_told_of_its_port_and_the_newest_status_at_once() {
         matches!(
             events[..],
             [
-                PortEvent::Identified(_),
+                PortEvent::Identified { .. },
                 PortEvent::Told(muster_msp::Telemetry::Status(_))
             ]
         ),

@@ -110,7 +110,8 @@ impl Arming {
 const fn may_go_high(stage: Stage, is_simulation: bool) -> bool {
     match stage {
         Stage::Sim => is_simulation,
-        Stage::Bench => false,
+        // Above `bench` the pilot arms, and nobody else.
+        Stage::Bench | Stage::Tethered | Stage::Flight => false,
     }
 }
 
@@ -157,7 +158,12 @@ mod tests {
 
     #[test]
     fn no_stage_arms_what_it_must_not() {
-        for (stage, is_simulation) in [(Stage::Sim, false), (Stage::Bench, true)] {
+        for (stage, is_simulation) in [
+            (Stage::Sim, false),
+            (Stage::Bench, true),
+            (Stage::Tethered, true),
+            (Stage::Flight, true),
+        ] {
             let mut arming = arming();
             arming.order();
             arming.step(at(1_000), stage, is_simulation, READY);

@@ -5,13 +5,18 @@ use std::time::Duration;
 use crate::geodetic::Geodetic;
 use crate::motion::Landing;
 
-/// What a drone may do, lowest first. A drone does nothing above its stage.
+/// What a drone may do, lowest first. A drone does nothing above its stage. Stages above `bench` need a grant and a pilot's
+/// receiver.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Stage {
     /// Arms a simulated controller only.
     Sim,
     /// Telemetry. Never arms, and no motor turns.
     Bench,
+    /// Flies what the pilot arms, with height, radius, tilt and throttle capped.
+    Tethered,
+    /// Flies what the pilot arms.
+    Flight,
 }
 
 /// Who else commands the flight controller.

@@ -9,6 +9,7 @@ mod control;
 mod estimator;
 mod guidance;
 mod reports;
+mod tether;
 
 use std::time::Duration;
 
@@ -24,6 +25,9 @@ use self::control::Control;
 use self::estimator::{Estimate, Estimator};
 use self::guidance::Guidance;
 use self::reports::{Reported, Reports};
+pub use self::tether::{
+    TETHER_HEIGHT_MAX_M, TETHER_RADIUS_MAX_M, TETHER_THROTTLE_MAX, TETHER_TILT_MAX_RAD,
+};
 use super::{Checkpoint, Event, FlightCommand, Input, Setpoint, Telemetry, Transmit};
 use crate::geometry::{Ned, Velocity};
 use crate::machine::{Machine, Outbox, Output};
@@ -55,7 +59,12 @@ const fn arm_switch(count: u8) -> u32 {
 #[derive(Debug, Clone, PartialEq)]
 pub enum PortEvent {
     /// The controller said who it is. The port is open.
-    Identified(Box<Identity>),
+    Identified {
+        /// Who it is.
+        identity: Box<Identity>,
+        /// The highest stage above `bench` that a grant allows with it; `Bench` without one.
+        granted: Stage,
+    },
     /// The port was closed.
     Closed,
     /// The controller told something.
@@ -82,6 +91,8 @@ pub struct Flight {
     pub has_flown: bool,
     /// What it was told to fly.
     pub setpoint: Option<Setpoint>,
+    /// Where it was when it was first told to fly.
+    pub start: Option<Ned>,
     /// Whether it was landing.
     pub is_landing: bool,
     /// Throttle at which the vehicle hovers, 0 to 1.
@@ -105,6 +116,10 @@ pub struct ControllerLink {
     /// It is to land as soon as it is known whether and where it flies.
     must_land: bool,
     identity: Option<Identity>,
+    /// The configured one, or what is left of it without a grant.
+    stage: Stage,
+    /// Where it was when it was first told to fly.
+    start: Option<Ned>,
     reports: Reports,
     gauge: Gauge,
     authority: Authority,
@@ -126,7 +141,10 @@ impl ControllerLink {
     #[must_use]
     pub fn new(config: Config, checkpoint: Option<Checkpoint>, now: Timestamp) -> Self {
         let before = checkpoint.and_then(|it| it.flight);
-        let mut gains = config.gains;
+        let mut gains = match config.stage {
+            Stage::Tethered => tether::gains(config.gains),
+            Stage::Sim | Stage::Bench | Stage::Flight => config.gains,
+        };
         if let Some(flight) = before {
             gains.hover_throttle = flight.hover_throttle;
         }
@@ -140,6 +158,8 @@ impl ControllerLink {
             kept: None,
             must_land: before.is_some_and(|it| it.is_landing),
             identity: None,
+            stage: config.stage.min(Stage::Bench),
+            start: before.and_then(|it| it.start),
             reports: Reports::new(has_flown),
             gauge: Gauge::default(),
             authority: Authority::new(config.receiver, has_flown, taken, now),
@@ -185,6 +205,11 @@ impl ControllerLink {
         self.estimator.set_ground();
         if let Some(estimate) = self.estimator.estimate() {
             self.before = None;
+            let start = *self.start.get_or_insert(estimate.position);
+            let setpoint = match self.stage {
+                Stage::Tethered => tether::setpoint(start, setpoint),
+                Stage::Sim | Stage::Bench | Stage::Flight => setpoint,
+            };
             self.guidance.fly(now, setpoint, &estimate);
         }
     }
@@ -203,12 +228,16 @@ impl ControllerLink {
 
     fn handle_port(&mut self, now: Timestamp, event: PortEvent) {
         match event {
-            PortEvent::Identified(identity) => {
+            PortEvent::Identified { identity, granted } => {
                 // The port still repeats the sticks that a link gave before its restart.
                 if self.identity.is_some() {
                     self.close();
                 }
                 self.identity = Some(*identity);
+                self.stage = match self.config.receiver {
+                    Receiver::Override => self.config.stage.min(granted.max(Stage::Bench)),
+                    Receiver::Sole => self.config.stage.min(Stage::Bench),
+                };
             }
             PortEvent::Closed => self.close(),
             PortEvent::Pose(pose) => {
@@ -294,10 +323,14 @@ impl ControllerLink {
         self.estimator.predict(now);
         self.land_if_due(now);
         self.detect_ground(now);
-        let stage = self.config.stage;
-        self.arming.step(now, stage, self.is_simulation(), reported);
+        self.arming
+            .step(now, self.stage, self.is_simulation(), reported);
         let sticks = self.sticks(now, seconds);
-        let rc = self.authority.may_send().then(|| self.gate(sticks));
+        let rc = self
+            .authority
+            .may_send()
+            .then(|| self.gate(sticks))
+            .flatten();
         self.outbox.transmit(Transmit::Rc(rc));
         let is_kept = self.kept.is_some_and(|kept| {
             (kept.has_flown, kept.taken) == (self.arming.has_flown(), self.authority.taken())
@@ -312,6 +345,15 @@ impl ControllerLink {
     fn is_simulation(&self) -> bool {
         let board = self.identity.as_ref().map(|it| it.board.board.0);
         board == Some(*b"SITL")
+    }
+
+    /// Whether its stage lets it fly this controller.
+    fn may_fly(&self) -> bool {
+        match self.stage {
+            Stage::Sim => self.is_simulation(),
+            Stage::Bench => false,
+            Stage::Tethered | Stage::Flight => true,
+        }
     }
 
     fn sticks(&mut self, now: Timestamp, seconds: f64) -> Sticks {
@@ -329,6 +371,10 @@ impl ControllerLink {
         };
         match self.guidance.reference(now, &estimate) {
             Some(reference) => {
+                let reference = match (self.stage, self.start) {
+                    (Stage::Tethered, Some(start)) => tether::reference(start, reference),
+                    _ => reference,
+                };
                 self.has_lifted |= estimate.position.altitude_m() > LIFTED_M
                     && estimate.velocity.0.z < -LIFTED_MPS;
                 let is_free = self.has_lifted && self.still_since.is_none();
@@ -343,17 +389,26 @@ impl ControllerLink {
     }
 
     /// The last point before values leave: nothing above the stage does.
-    fn gate(&self, sticks: Sticks) -> SetRawRc {
+    /// `None`: it does not take the sticks of a pilot who has armed what it may not fly.
+    fn gate(&self, sticks: Sticks) -> Option<SetRawRc> {
         let arm = if self.arming.is_high() {
             Channel::HIGH
         } else {
             Channel::LOW
         };
-        let (sticks, aux) = match self.config.stage {
-            Stage::Sim if self.is_simulation() => (sticks, [arm, ANGLE]),
-            Stage::Sim | Stage::Bench => (Sticks::IDLE, [Channel::LOW; 2]),
+        let (sticks, aux) = match self.stage {
+            _ if !self.may_fly() => match self.config.receiver {
+                Receiver::Override if self.is_armed() => return None,
+                Receiver::Override | Receiver::Sole => (Sticks::IDLE, [Channel::LOW; 2]),
+            },
+            Stage::Sim | Stage::Bench => (sticks, [arm, ANGLE]),
+            Stage::Tethered => {
+                let sticks = tether::sticks(sticks, &self.config.gains);
+                (sticks, [Channel::LOW, ANGLE])
+            }
+            Stage::Flight => (sticks, [Channel::LOW, ANGLE]),
         };
-        SetRawRc::new(sticks, &aux).expect("two aux channels are within the limit")
+        Some(SetRawRc::new(sticks, &aux).expect("two aux channels are within the limit"))
     }
 
     /// Stops the motors of a vehicle that has landed: it is to go down, and doesn't.
@@ -377,7 +432,8 @@ impl ControllerLink {
         });
         let is_lost = self.authority.taken().by_failsafe;
         let armed = self.reports.last().map_or(is_lost, |it| it.armed);
-        let landing = armed && (self.guidance.is_landing() || !self.authority.is_links());
+        let is_anothers = !self.authority.is_links() || self.identity.is_some() && !self.may_fly();
+        let landing = armed && (self.guidance.is_landing() || is_anothers);
         Telemetry {
             position: estimate.position,
             position_lost_for: self.estimator.lost_for(now),
@@ -432,6 +488,7 @@ impl ControllerLink {
         let flight = Flight {
             has_flown: self.arming.has_flown(),
             setpoint: (self.guidance.setpoint()).or(before.and_then(|it| it.setpoint)),
+            start: self.start,
             is_landing: self.must_land,
             hover_throttle: self.control.hover_throttle(),
             ground_m: self.estimator.ground_m(),

@@ -34,8 +34,13 @@ fn staged(stage: Stage, receiver: Receiver) -> Config {
     }
 }
 
+/// Who it is, without a grant.
 fn identity(board: [u8; 4]) -> PortEvent {
-    PortEvent::Identified(Box::new(Identity {
+    granted(board, Stage::Bench)
+}
+
+fn granted(board: [u8; 4], granted: Stage) -> PortEvent {
+    let identity = Identity {
         board: BoardInfo {
             board: Letters(board),
             ..BoardInfo::default()
@@ -44,7 +49,11 @@ fn identity(board: [u8; 4]) -> PortEvent {
             modes: vec![Mode::Arm, Mode::Angle, Mode::Failsafe, Mode::MspOverride],
         },
         ..Identity::default()
-    }))
+    };
+    PortEvent::Identified {
+        identity: Box::new(identity),
+        granted,
+    }
 }
 
 /// A status with these modes active, by their places in [`identity`].
@@ -101,8 +110,14 @@ impl Bench {
 
     /// In the stage `sim`, with a simulation and a position, on the ground.
     fn ready(receiver: Receiver) -> Self {
-        let mut bench = Self::new(staged(Stage::Sim, receiver), None);
-        bench.give(Input::Port(identity(*b"SITL")));
+        let simulation = identity(*b"SITL");
+        Self::ready_with(staged(Stage::Sim, receiver), simulation)
+    }
+
+    /// With a controller and a position, on the ground.
+    fn ready_with(config: Config, identity: PortEvent) -> Self {
+        let mut bench = Self::new(config, None);
+        bench.give(Input::Port(identity));
         bench.give(Input::Port(fix()));
         let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
         bench.give(Input::Port(altitude));
@@ -112,12 +127,24 @@ impl Bench {
 
     fn flying(receiver: Receiver, modes: u32) -> Self {
         let mut bench = Self::ready(receiver);
-        bench.give(Input::FlightCommand(FlightCommand::Arm));
-        bench.pass(1_000, 0);
-        bench.pass(300, modes);
-        bench.give(Input::FlightCommand(up()));
-        bench.pass(100, modes);
+        bench.take_off(modes);
         bench
+    }
+
+    /// A real board that a pilot has armed, in a stage, of which so much is granted.
+    fn piloted(stage: Stage, grant: Stage) -> Self {
+        let config = staged(stage, Receiver::Override);
+        let mut bench = Self::ready_with(config, granted(*b"S405", grant));
+        bench.take_off(ARM | OVERRIDE);
+        bench
+    }
+
+    fn take_off(&mut self, modes: u32) {
+        self.give(Input::FlightCommand(FlightCommand::Arm));
+        self.pass(1_000, 0);
+        self.pass(300, modes);
+        self.give(Input::FlightCommand(up()));
+        self.pass(100, modes);
     }
 
     fn give(&mut self, input: Input) {
@@ -382,8 +409,104 @@ fn link_that_was_given_up_lands_and_takes_no_commands() {
     assert!(bench.checkpoint.unwrap().gave_up);
 }
 
+#[test]
+fn granted_stages_fly_a_real_board_and_leave_the_arm_switch_to_the_pilot() {
+    for stage in [Stage::Tethered, Stage::Flight] {
+        let bench = Bench::piloted(stage, stage);
+        assert!(bench.throttle() > 1_200, "{stage:?}");
+        assert!(!bench.is_arm_high());
+        let last = bench.telemetry.last().unwrap();
+        assert!(last.armed && !last.landing);
+    }
+}
+
+#[test]
+fn without_a_grant_nothing_is_sent_to_what_a_pilot_has_armed() {
+    for (stage, grant) in [
+        (Stage::Tethered, Stage::Bench),
+        (Stage::Flight, Stage::Bench),
+        (Stage::Bench, Stage::Flight),
+    ] {
+        let bench = Bench::piloted(stage, grant);
+        assert_eq!(bench.rc, None, "{stage:?}");
+        assert!(bench.telemetry.last().unwrap().landing, "not counted on");
+    }
+    // A lower grant lowers the stage.
+    let bench = Bench::piloted(Stage::Flight, Stage::Tethered);
+    let target = bench.link.guidance.target();
+    assert_eq!(target, Some(Ned::HOME.at_altitude(TETHER_HEIGHT_MAX_M)));
+}
+
+#[test]
+fn without_a_pilot_no_grant_counts() {
+    let config = staged(Stage::Flight, Receiver::Sole);
+    let mut bench = Bench::ready_with(config, granted(*b"S405", Stage::Flight));
+    bench.take_off(ARM);
+    assert_eq!(bench.rc.unwrap().sticks(), Sticks::IDLE);
+}
+
+#[test]
+fn a_tether_stops_a_mission_at_its_edge_also_after_a_restart() {
+    let mut bench = Bench::piloted(Stage::Tethered, Stage::Tethered);
+    let far = FlightCommand::Fly(Setpoint::Leg {
+        to: Ned::new(30.0, 40.0, -20.0),
+        speed_mps: 5.0,
+        acceleration_mps2: 2.0,
+    });
+    let edge = Ned::new(1.8, 2.4, -TETHER_HEIGHT_MAX_M);
+    let target = |bench: &Bench| bench.link.guidance.target().unwrap();
+    bench.give(Input::FlightCommand(far));
+    assert!(target(&bench).distance_m(edge) < 1e-9);
+
+    // The vehicle has moved when the link restarts: its tether has not.
+    let config = staged(Stage::Tethered, Receiver::Override);
+    let mut restarted = Bench::new(config, bench.checkpoint);
+    restarted.give(Input::Port(granted(*b"S405", Stage::Tethered)));
+    restarted.give(Input::Port(status(ARM | OVERRIDE)));
+    let mut moved = fix();
+    if let PortEvent::Told(Told::Gps(gps)) = &mut moved {
+        gps.latitude_e7 += 270;
+    }
+    restarted.give(Input::Port(moved));
+    let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+    restarted.give(Input::Port(altitude));
+    restarted.give(Input::Port(status(ARM | OVERRIDE)));
+    restarted.give(Input::FlightCommand(far));
+    assert!(target(&restarted).distance_m(edge) < 1e-9);
+}
+
+/// A checkpoint of a flight that has learnt a hover throttle.
+fn in_flight(hover_throttle: f64) -> Checkpoint {
+    Checkpoint {
+        gave_up: false,
+        flight: Some(Flight {
+            has_flown: true,
+            setpoint: Some(Setpoint::Leg {
+                to: Ned::HOME.at_altitude(10.0),
+                speed_mps: 2.0,
+                acceleration_mps2: 1.0,
+            }),
+            start: Some(Ned::HOME),
+            is_landing: false,
+            hover_throttle,
+            ground_m: Some(0.0),
+            taken: Taken::default(),
+        }),
+    }
+}
+
+fn any_stage() -> impl Strategy<Value = Stage> {
+    prop_oneof![
+        Just(Stage::Sim),
+        Just(Stage::Bench),
+        Just(Stage::Tethered),
+        Just(Stage::Flight),
+    ]
+}
+
 fn any_told() -> impl Strategy<Value = PortEvent> {
-    let identity = prop_oneof![Just(*b"SITL"), Just(*b"S405"), any::<[u8; 4]>()].prop_map(identity);
+    let board = prop_oneof![Just(*b"SITL"), Just(*b"S405"), any::<[u8; 4]>()];
+    let identity = (board, any_stage()).prop_map(|(board, stage)| granted(board, stage));
     let flags = (any::<u32>(), any::<u8>(), any::<u32>()).prop_map(|(modes, count, bits)| {
         Told::Status(Status {
             head: StatusHead {
@@ -433,7 +556,7 @@ fn any_told() -> impl Strategy<Value = PortEvent> {
         })
     });
     let told = prop_oneof![flags, gps, attitude, altitude, battery].prop_map(PortEvent::Told);
-    prop_oneof![1 => identity, 1 => Just(PortEvent::Closed), 1 => Just(status(0)), 1 => Just(status(ARM)), 6 => told]
+    prop_oneof![1 => identity, 1 => Just(PortEvent::Closed), 1 => Just(status(0)), 1 => Just(status(ARM)), 1 => Just(status(ARM | OVERRIDE)), 6 => told]
 }
 
 fn any_input() -> impl Strategy<Value = Input> {
@@ -459,27 +582,70 @@ proptest! {
     #[test]
     fn nothing_above_the_stage_leaves(
         inputs in prop::collection::vec((any_input(), 0_u64..200), 1..100),
-        is_bench: bool,
+        stage in any_stage(),
+        grant in any_stage(),
+        has_pilot: bool,
+        hover_throttle in prop::option::of(0.0..1.0),
     ) {
-        let stage = if is_bench { Stage::Bench } else { Stage::Sim };
-        let mut bench = Bench::new(staged(stage, Receiver::Sole), None);
-        let mut is_simulation = false;
-        for (input, later_ms) in inputs {
-            match &input {
-                Input::Port(PortEvent::Identified(identity)) => {
-                    is_simulation = identity.board.board.0 == *b"SITL";
-                }
-                Input::Port(PortEvent::Closed) => is_simulation = false,
-                _ => {}
+        let receiver = if has_pilot { Receiver::Override } else { Receiver::Sole };
+        let mut bench = Bench::new(staged(stage, receiver), hover_throttle.map(in_flight));
+        let mut ceiling = Ceiling::Idle;
+        let first = [granted(*b"S405", grant), fix(), status(ARM | OVERRIDE)];
+        let first = first.map(|it| (Input::Port(it), 0));
+        for (input, later_ms) in first.into_iter().chain(inputs) {
+            if let Input::Port(PortEvent::Identified { identity, granted }) = &input {
+                let is_simulation = identity.board.board.0 == *b"SITL";
+                ceiling = Ceiling::of(stage, *granted, has_pilot, is_simulation);
             }
             bench.give(input);
             bench.now_ms += later_ms;
             bench.link.handle_timeout(at(bench.now_ms));
             bench.drain();
-            if let Some(rc) = bench.rc.filter(|_| is_bench || !is_simulation) {
-                prop_assert_eq!(rc.sticks(), Sticks::IDLE);
-                prop_assert!(rc.aux().iter().all(|it| *it == Channel::LOW));
+            if let Some(rc) = bench.rc {
+                prop_assert!(ceiling.admits(rc), "{ceiling:?}: {rc:?}");
             }
+        }
+    }
+}
+
+/// The most that may leave, written apart from the gate.
+#[derive(Debug)]
+enum Ceiling {
+    Idle,
+    /// 10° of 60° of lean; 1.2 times the hover throttle of 0.3; no ARM.
+    Tethered,
+    /// No ARM.
+    Piloted,
+    Unlimited,
+}
+
+impl Ceiling {
+    fn of(stage: Stage, granted: Stage, has_pilot: bool, is_simulation: bool) -> Self {
+        match (stage, granted) {
+            (Stage::Sim, _) if is_simulation => Self::Unlimited,
+            (Stage::Flight, Stage::Flight) if has_pilot => Self::Piloted,
+            (Stage::Tethered, Stage::Tethered | Stage::Flight)
+            | (Stage::Flight, Stage::Tethered)
+                if has_pilot =>
+            {
+                Self::Tethered
+            }
+            _ => Self::Idle,
+        }
+    }
+
+    fn admits(&self, rc: SetRawRc) -> bool {
+        let sticks = rc.sticks();
+        let arm_is_low = rc.aux()[0] == Channel::LOW;
+        match self {
+            Self::Idle => sticks == Sticks::IDLE && rc.aux().iter().all(|it| *it == Channel::LOW),
+            Self::Tethered => {
+                let leans = [sticks.roll, sticks.pitch];
+                let is_upright = leans.iter().all(|it| it.us().abs_diff(1_500) <= 83);
+                arm_is_low && is_upright && sticks.throttle.us() <= 1_360
+            }
+            Self::Piloted => arm_is_low,
+            Self::Unlimited => true,
         }
     }
 }

@@ -97,6 +97,9 @@ impl State {
                 "the flight controller is not fit to fly: {finding}"
             ));
         }
+        if let Some(refusal) = self.vehicle.ungranted() {
+            faults.push(format!("the stage falls to bench: {refusal}"));
+        }
         if self.durable.failures > 0 {
             faults.push("the journal can't be written: the drone lands".to_owned());
         } else if self.outcome.landing() == Some(LandingReason::JournalLost) {

@@ -1,0 +1,271 @@
+//! Whether the drone's grant allows its stage with the flight controller at its port.
+//!
+//! A disarmed controller is checked as it is. An armed one, met after a restart in flight, must have the chip and the firmware
+//! of the last check on the ground, and what that check allowed then, it allows now: a grant that ends in flight ends no flight,
+//! and an armed controller is not asked for its settings, which can't change in flight.
+
+use std::sync::{Arc, Mutex, PoisonError};
+
+use muster_machines::msp::controller::Stage;
+use muster_msp::Uid;
+use muster_port::Found;
+use muster_runtime::diagnostic::BadInput;
+use muster_runtime::file;
+use muster_runtime::identity::{
+    CalendarTime, ControllerFacts, GrantRefusal, GrantedStage, GroundCheck,
+};
+use thiserror::Error;
+
+use crate::config::Permission;
+
+/// Why a stage is not allowed.
+#[derive(Debug, Error)]
+pub(super) enum Refusal {
+    /// The grant doesn't allow it.
+    #[error(transparent)]
+    Grant(#[from] GrantRefusal),
+    /// The controller can't be read.
+    #[error("the flight controller's settings can't be read")]
+    Unread,
+    /// The controller does not say which one it is.
+    #[error("the flight controller doesn't tell the number of its chip")]
+    NoChip,
+    /// The controller is armed, and it is not the one that was checked.
+    #[error(
+        "the flight controller is armed, and is not the one that was checked last on the ground"
+    )]
+    Unchecked,
+    /// The file of the last check can't be used: what time it is at least is not known.
+    #[error("the last check on the ground, which has the newest known time, can't be read: {0}")]
+    Kept(BadInput),
+    /// The system's fault: the check can't be kept.
+    #[error("the check on the ground, which has the newest known time, can't be written: {0}")]
+    NotKept(std::io::Error),
+}
+
+/// The newest refusal, for the status. `None` if there is none.
+pub(super) type Refused = Arc<Mutex<Option<String>>>;
+
+/// Checks each controller that is found.
+pub(super) struct Checker {
+    permission: Option<Permission>,
+    /// What was checked last. A port that is opened again in flight does not look again.
+    checked: Option<(Arc<Found>, Stage)>,
+    refused: Refused,
+}
+
+impl Checker {
+    /// `None`: for a stage that needs no grant.
+    pub(super) fn new(permission: Option<Permission>) -> Self {
+        Self {
+            permission,
+            checked: None,
+            refused: Refused::default(),
+        }
+    }
+
+    pub(super) fn refused(&self) -> Refused {
+        self.refused.clone()
+    }
+
+    /// The highest stage above `bench` that is granted with what a port has found; `Bench` if none is. Logs why.
+    pub(super) fn granted(&mut self, found: Option<Arc<Found>>) -> Stage {
+        let Some(permission) = &self.permission else {
+            return Stage::Bench;
+        };
+        if let (Some(found), Some((checked, stage))) = (&found, &self.checked)
+            && Arc::ptr_eq(found, checked)
+        {
+            return *stage;
+        }
+        let clock = CalendarTime::of_this_clock();
+        let allowed = permission.check(found.as_deref(), clock);
+        let (stage, refusal) = match allowed {
+            Ok(()) => (stage_of(permission.stage), None),
+            Err(refusal) => (Stage::Bench, Some(refusal.to_string())),
+        };
+        match &refusal {
+            None => tracing::info!(stage = %permission.stage, "the grant allows the stage"),
+            Some(refusal) => tracing::warn!("the stage falls to bench: {refusal}"),
+        }
+        *self.refused.lock().unwrap_or_else(PoisonError::into_inner) = refusal;
+        self.checked = found.map(|found| (found, stage));
+        stage
+    }
+}
+
+const fn stage_of(stage: GrantedStage) -> Stage {
+    match stage {
+        GrantedStage::Tethered => Stage::Tethered,
+        GrantedStage::Flight => Stage::Flight,
+    }
+}
+
+impl Permission {
+    /// Checks a controller, and keeps what was found on the ground, with the newest known time.
+    fn check(&self, found: Option<&Found>, clock: CalendarTime) -> Result<(), Refusal> {
+        let found = found.ok_or(Refusal::Unread)?;
+        let uid = found.uid.as_ref().ok_or(Refusal::NoChip)?;
+        let kept = GroundCheck::load(&self.kept).map_err(Refusal::Kept)?;
+        let (controller, time) = match &found.configuration {
+            Some(configuration) => {
+                let controller = ControllerFacts::new(configuration, uid);
+                let newest = kept.map_or(clock, |kept| kept.time.max(clock));
+                self.keep(&controller, newest)?;
+                (controller, newest)
+            }
+            None => as_on_the_ground(found, uid, kept)?,
+        };
+        let drone = self.grant.drone;
+        Ok(self.grant.allows(drone, self.stage, &controller, time)?)
+    }
+
+    fn keep(&self, controller: &ControllerFacts, time: CalendarTime) -> Result<(), Refusal> {
+        let check = GroundCheck {
+            time,
+            controller: controller.clone(),
+        };
+        file::replace(&self.kept, check.to_toml().as_bytes()).map_err(Refusal::NotKept)
+    }
+}
+
+/// An armed controller, with the settings and at the time of its last check on the ground.
+fn as_on_the_ground(
+    found: &Found,
+    uid: &Uid,
+    kept: Option<GroundCheck>,
+) -> Result<(ControllerFacts, CalendarTime), Refusal> {
+    let kept = kept.ok_or(Refusal::Unchecked)?;
+    let now = ControllerFacts::of_armed(&found.identity, uid, kept.controller.settings);
+    if now == kept.controller {
+        Ok((now, kept.time))
+    } else {
+        Err(Refusal::Unchecked)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use muster_machines::identity::NodeId;
+    use muster_msp::Configuration;
+    use muster_runtime::identity::Grant;
+
+    use super::*;
+
+    const DAY: Duration = Duration::from_secs(86_400);
+
+    fn at(text: &str) -> CalendarTime {
+        CalendarTime::read(text).expect("a time")
+    }
+
+    fn noon() -> CalendarTime {
+        at("2026-11-26T12:00:00Z")
+    }
+
+    fn disarmed(chip: u32, configuration: Configuration) -> Found {
+        Found {
+            identity: configuration.identity.clone(),
+            uid: Some(Uid { uid: [chip, 2, 3] }),
+            configuration: Some(configuration),
+        }
+    }
+
+    fn armed(chip: u32) -> Found {
+        Found {
+            configuration: None,
+            ..disarmed(chip, Configuration::default())
+        }
+    }
+
+    fn fit() -> Found {
+        disarmed(7, Configuration::default())
+    }
+
+    fn changed() -> Found {
+        let mut configuration = Configuration::default();
+        configuration.failsafe.delay_ds = 200;
+        disarmed(7, configuration)
+    }
+
+    /// For the stage `tethered` with chip 7, for a day from noon.
+    fn permission() -> (tempfile::TempDir, Permission) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let uid = Uid { uid: [7, 2, 3] };
+        let grant = Grant {
+            drone: NodeId(1),
+            stage: GrantedStage::Tethered,
+            controller: ControllerFacts::new(&Configuration::default(), &uid),
+            issued: noon(),
+            until: noon().after(DAY),
+        };
+        let permission = Permission {
+            grant,
+            stage: GrantedStage::Tethered,
+            kept: folder.path().join("kept.toml"),
+        };
+        (folder, permission)
+    }
+
+    fn refusal(permission: &Permission, found: &Found, clock: CalendarTime) -> Option<String> {
+        let checked = permission.check(Some(found), clock);
+        checked.err().map(|it| it.to_string())
+    }
+
+    #[test]
+    fn a_clock_that_is_set_back_prolongs_no_grant() {
+        let (_folder, permission) = permission();
+        assert_eq!(refusal(&permission, &fit(), noon()), None);
+        let ended = refusal(&permission, &fit(), noon().after(DAY));
+        let text = "the grant ended at 2026-11-27T12:00:00Z; it is 2026-11-27T12:00:00Z or later";
+        assert_eq!(ended.as_deref(), Some(text));
+        let set_back = refusal(&permission, &fit(), noon());
+        assert_eq!(set_back.as_deref(), Some(text));
+        std::fs::write(&permission.kept, "time = 3").expect("a file");
+        let unread = refusal(&permission, &fit(), noon()).expect("a refusal");
+        assert!(unread.contains("can't be read"), "{unread}");
+    }
+
+    #[test]
+    fn changed_settings_and_another_controller_are_refused_until_they_are_back() {
+        let (_folder, permission) = permission();
+        for other in [changed(), disarmed(8, Configuration::default())] {
+            assert!(refusal(&permission, &other, noon()).is_some());
+            assert_eq!(refusal(&permission, &fit(), noon()), None);
+        }
+        let silent = Found { uid: None, ..fit() };
+        assert!(refusal(&permission, &silent, noon()).is_some());
+        assert!(permission.check(None, noon()).is_err());
+    }
+
+    #[test]
+    fn an_armed_controller_flies_on_if_its_last_check_on_the_ground_allowed_it() {
+        let (_folder, permission) = permission();
+        let unchecked = refusal(&permission, &armed(7), noon());
+        assert!(unchecked.is_some(), "never checked");
+        assert_eq!(refusal(&permission, &fit(), noon()), None);
+        let later = noon().after(2 * DAY);
+        assert_eq!(refusal(&permission, &armed(7), later), None);
+        assert!(refusal(&permission, &armed(8), noon()).is_some());
+        assert!(refusal(&permission, &changed(), noon()).is_some());
+        let after = refusal(&permission, &armed(7), noon());
+        assert!(after.is_some(), "refused on the ground");
+    }
+
+    #[test]
+    fn a_controller_that_is_not_looked_at_again_keeps_its_stage() {
+        let (_folder, mut permission) = permission();
+        permission.grant.issued = CalendarTime::of_this_clock();
+        permission.grant.until = permission.grant.issued.after(DAY);
+        let mut checker = Checker::new(Some(permission));
+        let refused = checker.refused();
+        let found = Arc::new(fit());
+        assert_eq!(checker.granted(Some(found.clone())), Stage::Tethered);
+        assert_eq!(checker.granted(Some(found)), Stage::Tethered);
+        assert_eq!(*refused.lock().expect("no panic"), None);
+        assert_eq!(checker.granted(Some(Arc::new(changed()))), Stage::Bench);
+        let why = refused.lock().expect("no panic").clone();
+        assert!(why.expect("a refusal").contains("settings have changed"));
+    }
+}

@@ -1,0 +1,178 @@
+//! Stages above `bench`: what a drone with a pilot's receiver may do with its grant, and without.
+
+use std::process::Command;
+
+use muster_controller::{Contact, Settings, Truth};
+use serde_json::Value;
+
+use super::controllers::{LEADER, controlled};
+use super::fleet::{Fleet, Process, assert_refused, replace, run_command};
+use super::flights::state;
+use super::receiver::Receiver;
+use super::swarm::wait_until;
+
+/// Drones of the scenario.
+const DRONES: u32 = 3;
+
+/// Three drones with pilots' receivers, in a stage.
+fn piloted(stage: &str, settings: impl Fn(u32) -> Settings) -> (Fleet, Vec<Receiver>) {
+    let (fleet, receivers) = controlled(&[], settings);
+    for id in 0..DRONES {
+        let file = fleet.file(id);
+        replace(&file, "stage = \"sim\"", &format!("stage = \"{stage}\""));
+        replace(&file, "receiver = \"sole\"", "receiver = \"override\"");
+    }
+    (fleet, receivers)
+}
+
+fn sign(fleet: &Fleet, id: u32, stage: &str, receiver: &Receiver) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_muster"));
+    command
+        .args(["keys", "grant"])
+        .arg(fleet.path("ours"))
+        .args([&id.to_string(), "--stage", stage, "--days", "1"])
+        .args(["--controller", &receiver.address]);
+    command
+}
+
+/// Signs a drone's grant with this controller, and names it in the drone's file.
+fn grant(fleet: &Fleet, id: u32, stage: &str, receiver: &Receiver) {
+    let (code, output) = run_command(&mut sign(fleet, id, stage, receiver));
+    assert_eq!(code, Some(0), "{output}");
+    assert!(output.contains(&format!("stage: {stage}")), "{output}");
+    let named = format!("[keys]\ngrant = \"ours/drone-{id}.grant\"");
+    replace(&fleet.file(id), "[keys]", &named);
+}
+
+/// Sticks of a pilot who stands by; ANGLE is always on.
+const fn pilot(arm: u16, over: u16) -> [u16; 7] {
+    [1_500, 1_500, 1_500, 1_000, arm, 1_800, over]
+}
+
+fn changed() -> Settings {
+    let mut settings = Settings::fit_overriding();
+    settings.failsafe.delay_ds += 1;
+    settings
+}
+
+fn fault(status: &Value, text: &str) -> bool {
+    let faults = status["faults"].as_array().unwrap();
+    faults.iter().any(|it| it.as_str().unwrap().contains(text))
+}
+
+#[test]
+fn no_grant_is_signed_for_a_controller_without_a_pilot_or_a_drone_outside_the_fleet() {
+    let (fleet, receivers) = controlled(&[], |_| Settings::fit());
+    let (code, output) = run_command(&mut sign(&fleet, 0, "flight", &receivers[0]));
+    assert_eq!(code, Some(5), "{output}");
+    assert!(output.contains("needs a pilot's receiver"), "{output}");
+    assert!(!fleet.path("ours/drone-0.grant").exists());
+
+    let (_other, receivers) = controlled(&[], |_| Settings::fit_overriding());
+    let expected = "drone 9 is not in the roster";
+    assert_refused(&mut sign(&fleet, 9, "flight", &receivers[0]), expected);
+}
+
+#[test]
+fn stage_without_a_pilot_or_the_grant_that_it_needs_is_refused() {
+    let (fleet, receivers) = piloted("tethered", |_| Settings::fit_overriding());
+    assert_refused(&mut fleet.command(0), "needs `keys.grant`");
+    let file = fleet.file(1);
+    replace(&file, "\"override\"", "\"sole\"");
+    assert_refused(&mut fleet.command(1), "needs `receiver = \"override\"`");
+    grant(&fleet, 0, "tethered", &receivers[0]);
+    let file = fleet.file(0);
+    replace(&file, "\"tethered\"", "\"flight\"");
+    let expected = "the grant allows the stage \"tethered\" only";
+    assert_refused(&mut fleet.command(0), expected);
+    grant(&fleet, 2, "flight", &receivers[2]);
+    replace(&file, "drone-0.grant", "drone-2.grant");
+    assert_refused(&mut fleet.command(0), "the grant is for drone 2");
+    let text = std::fs::read_to_string(fleet.path("ours/drone-2.grant")).unwrap();
+    let forged = text.replace("drone = 2", "drone = 0");
+    std::fs::write(fleet.path("ours/drone-2.grant"), forged).unwrap();
+    assert_refused(&mut fleet.command(0), "the signature does not match");
+}
+
+/// Drone 0's controller is as it was when its grant was signed. Drone 1's settings have changed since, drone 2's was swapped
+/// for one with other firmware.
+#[test]
+fn changed_controller_falls_to_bench_and_status_says_why() {
+    let (fleet, receivers) = piloted("flight", |_| Settings::fit_overriding());
+    let mut newer = Settings::fit_overriding();
+    newer.version.minor += 1;
+    let (_others, swapped) = controlled(&[], |id| if id == 1 { changed() } else { newer.clone() });
+    for (id, receiver) in (0..).zip(&receivers) {
+        grant(&fleet, id, "flight", receiver);
+        if id > 0 {
+            let now = &swapped[id as usize].address;
+            replace(&fleet.file(id), &receiver.address, now);
+        }
+    }
+    let _drones: Vec<_> = (0..DRONES).map(|id| fleet.start(id, &[])).collect();
+    let is_open = |status: &Value| status["port"]["state"] == "open";
+    let status = fleet.wait_for_status(0, "the port is open", is_open);
+    assert!(!fault(&status, "bench"), "{status:#}");
+    for (id, why) in [
+        (1, "settings have changed"),
+        (2, "the grant is for the firmware"),
+    ] {
+        let status = fleet.wait_for_status(id, "the port is open", is_open);
+        assert!(fault(&status, "the stage falls to bench"), "{status:#}");
+        assert!(fault(&status, why), "{status:#}");
+        let receiver = &swapped[id as usize];
+        wait_until("RC goes on", || receiver.received() >= 50);
+        receiver.pilot(pilot(1_000, 1_000));
+    }
+    // Nobody takes the sticks of what these pilots arm.
+    for receiver in &swapped[1..] {
+        wait_until("the pilot has armed it", || {
+            receiver.pilot(pilot(1_800, 1_000));
+            receiver.truth().is_armed
+        });
+    }
+    for id in [1, 2] {
+        let quiet = |status: &Value| status["port"]["rc_per_s"] == 0;
+        let armed = |status: &Value| status["vehicle"]["armed"] == true;
+        let status = fleet.wait_for_status(id, "RC has stopped", |it| armed(it) && quiet(it));
+        assert!(fault(&status, "the stage falls to bench"), "{status:#}");
+    }
+}
+
+#[test]
+fn tethered_drones_stay_within_reach_of_where_their_pilots_armed_them() {
+    let (fleet, receivers) = piloted("tethered", |_| Settings::fit_overriding());
+    for (id, receiver) in (0..).zip(&receivers) {
+        grant(&fleet, id, "tethered", receiver);
+        receiver.pilot(pilot(1_000, 1_800));
+    }
+    let mut drones: Vec<Process> = (0..DRONES)
+        .map(|id| fleet.start(id, if id == LEADER { &["--fly"] } else { &[] }))
+        .collect();
+    for (drone, receiver) in drones.iter_mut().zip(&receivers) {
+        drone.wait_for_mission(&state("TakingOff"));
+        assert!(!receiver.truth().is_armed, "the pilot arms");
+    }
+    let starts: Vec<Truth> = receivers.iter().map(Receiver::truth).collect();
+    for receiver in &receivers {
+        wait_until("the pilot has armed it", || {
+            receiver.pilot(pilot(1_800, 1_800));
+            receiver.truth().is_armed
+        });
+    }
+    let leader = &receivers[LEADER as usize];
+    let height_m = |truth: &Truth| truth.position.altitude_m();
+    wait_until("it climbs", || height_m(&leader.truth()) > 1.5);
+    let began = std::time::Instant::now();
+    // A mission's first leg climbs to 10 m.
+    while began.elapsed().as_secs() < 10 {
+        for (receiver, start) in receivers.iter().zip(&starts) {
+            let truth = receiver.truth();
+            assert!(height_m(&truth) < 2.5, "{} m", height_m(&truth));
+            let moved = truth.position - start.position;
+            assert!(moved.0.xy().norm() < 3.5, "{moved:?}");
+        }
+        std::thread::sleep(std::time::Duration::from_millis(20));
+    }
+    assert_eq!(leader.truth().contact, Contact::Airborne);
+}
