@@ -96,7 +96,7 @@ impl Bench {
     fn run(&mut self, seconds: f64) {
         let end = self.now + Duration::from_secs_f64(seconds);
         while self.now < end {
-            self.now = self.now + Duration::from_millis(100);
+            self.now += Duration::from_millis(100);
             if self.is_heard {
                 let (armed, mode) = (self.armed, self.mode);
                 self.tell(Told::Heartbeat { armed, mode });
@@ -287,7 +287,7 @@ proptest! {
     fn in_the_stage_bench_it_only_asks_for_telemetry(inputs in proptest::collection::vec(inputs(), 1..60)) {
         let mut bench = Bench::new(Stage::Bench);
         for input in inputs {
-            bench.now = bench.now + Duration::from_millis(300);
+            bench.now += Duration::from_millis(300);
             bench.give(input);
             bench.link.handle_timeout(bench.now);
             bench.drain();
