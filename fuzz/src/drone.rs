@@ -301,6 +301,7 @@ impl Drone {
                 Effect::LearnAddress { .. }
                 | Effect::KeepList(_)
                 | Effect::Rc(_)
+                | Effect::Order(_)
                 | Effect::Observe(_) => {}
             }
         }

@@ -7,6 +7,7 @@
 #[path = "."]
 mod real_time {
     mod attack;
+    mod autopilot;
     mod controllers;
     mod fleet;
     mod flights;
@@ -16,6 +17,7 @@ mod real_time {
     mod identity;
     mod line;
     mod lossy;
+    mod mavlink;
     mod network;
     mod observe;
     mod operator;

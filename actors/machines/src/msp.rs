@@ -1,8 +1,9 @@
 //! Flight-controller link: commands to the vehicle and telemetry from it.
 //!
-//! The machine behind it is the link to a flight controller ([`ControllerLink`]), or that of a closed-form vehicle in the
-//! scenario runner.
+//! The machine behind it is the link to a flight controller ([`ControllerLink`]), to an autopilot ([`AutopilotLink`]), or that
+//! of a closed-form vehicle in the scenario runner.
 
+pub mod autopilot;
 pub mod controller;
 mod introduction;
 
@@ -11,6 +12,7 @@ use std::time::Duration;
 use muster_msp::SetRawRc;
 use serde::{Deserialize, Serialize};
 
+pub use self::autopilot::AutopilotLink;
 pub use self::controller::{ControllerLink, PortEvent, Pose};
 pub use self::introduction::Introduction;
 
@@ -100,7 +102,7 @@ pub enum Input {
     FlightCommand(FlightCommand),
     /// From a closed-form vehicle.
     Telemetry(Telemetry),
-    /// From the port of a flight controller.
+    /// From the port of a flight controller or an autopilot.
     Port(PortEvent),
     /// From the supervisor: an actor can't be kept alive, so land and ignore all commands.
     GiveUp,
@@ -113,6 +115,8 @@ pub enum Transmit {
     Command(FlightCommand),
     /// To the port of a flight controller: the newest RC frame, to be repeated for a bounded time. `None` stops RC.
     Rc(Option<SetRawRc>),
+    /// To the port of an autopilot.
+    Order(autopilot::Order),
     /// To the navigation.
     Telemetry(Telemetry),
     /// To the navigation: this link restarted, repeat the command.
@@ -131,7 +135,7 @@ pub enum Event {
 pub struct Checkpoint {
     /// Whether the supervisor has made it land and ignore all commands.
     pub gave_up: bool,
-    /// What a vehicle with a flight controller was flying.
+    /// What a vehicle with a flight controller or an autopilot was flying.
     pub flight: Option<controller::Flight>,
 }
 

@@ -132,7 +132,7 @@ pub struct VehicleStatus {
     pub armed: bool,
 }
 
-/// Port of a flight controller.
+/// Port of a flight controller or an autopilot. An autopilot's has neither questions nor RC; what counts them is 0.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct PortStatus {
     /// Whether there is a controller.
@@ -161,6 +161,31 @@ pub struct PortStatus {
     pub rc_gap_max_s: f64,
     /// Whether the system grants the thread that writes RC real-time priority.
     pub is_realtime: bool,
+}
+
+impl From<muster_port::Status> for PortStatus {
+    fn from(status: muster_port::Status) -> Self {
+        Self {
+            state: match status.state {
+                muster_port::State::Closed => PortState::Closed,
+                muster_port::State::Identifying => PortState::Identifying,
+                muster_port::State::Open => PortState::Open,
+                muster_port::State::Silent => PortState::Silent,
+            },
+            unfit: status.unfit.iter().map(ToString::to_string).collect(),
+            closed_by: status.closed_by,
+            opened: status.opened,
+            latency_s: status.latency.mean().as_secs_f64(),
+            latency_max_s: status.latency.max.as_secs_f64(),
+            loss: status.latency.loss(),
+            bad_frames: status.counts.bad(),
+            rc_sent: status.rc_sent,
+            rc_acknowledged: status.rc_acknowledged,
+            rc_per_s: status.rc_per_second,
+            rc_gap_max_s: status.rc_gap_max.as_secs_f64(),
+            is_realtime: status.is_realtime,
+        }
+    }
 }
 
 /// Whether a port has a flight controller.

@@ -23,8 +23,8 @@ use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{Alone, Barrier, Conduct, Following, Holds, Liveness, Succession};
 use muster_machines::motion::Landing;
-use muster_machines::msp::ControllerLink;
 use muster_machines::msp::controller::{self, PlaceSensor, Receiver, Stage};
+use muster_machines::msp::{AutopilotLink, ControllerLink, autopilot};
 use muster_machines::node::{Blueprint, LinkBuilder};
 use muster_machines::radio::{self, Budget, IdealAuthenticator, Incarnations};
 use muster_machines::routing::{flood, tree};
@@ -312,6 +312,14 @@ impl Plan {
                 Box::new(ControllerLink::new(config, checkpoint, now))
             }),
         }
+    }
+
+    /// Builds the link to an autopilot.
+    #[must_use]
+    pub fn autopilot_link(&self, stage: Stage) -> Arc<LinkBuilder> {
+        let home = self.home;
+        let config = autopilot::Config { stage, home };
+        Arc::new(move |checkpoint, now| Box::new(AutopilotLink::new(config, checkpoint, now)))
     }
 
     /// Configuration of a drone's agent. `None` without agents, and for a pure relay.

@@ -290,7 +290,8 @@ impl World {
                 self.scene.air.send(&mut self.scene.core, drone, to, &frame);
             }
             // The medium addresses drones by their numbers, and simulated fleets have no revocation lists.
-            Effect::LearnAddress { .. } | Effect::KeepList(_) => {}
+            // No world has autopilots.
+            Effect::LearnAddress { .. } | Effect::KeepList(_) | Effect::Order(_) => {}
             Effect::Command(command) => {
                 #[cfg(test)]
                 self.report(drone, crate::twin::ProcessReport::Commanded(command));

@@ -31,7 +31,7 @@ impl Introduction {
             }
             PortEvent::Closed => *self = Self::default(),
             PortEvent::Told(Told::Status(status)) => self.status = Some((now, status.clone())),
-            PortEvent::Told(_) | PortEvent::Pose(_) => {}
+            PortEvent::Told(_) | PortEvent::Pose(_) | PortEvent::Autopilot(_) => {}
         }
     }
 

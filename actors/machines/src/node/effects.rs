@@ -36,6 +36,8 @@ pub enum Effect {
     /// Give this to the port of the flight controller: the newest RC frame, to be repeated for a bounded time. `None` stops
     /// RC.
     Rc(Option<SetRawRc>),
+    /// Send this to the autopilot.
+    Order(msp::autopilot::Order),
     /// Store this checkpoint, from which the machine can be rebuilt.
     StoreCheckpoint(Checkpoint),
     /// Report this to observers.
@@ -196,6 +198,7 @@ impl From<msp::Transmit> for Effect {
         let input = match transmit {
             msp::Transmit::Command(command) => return Self::Command(command),
             msp::Transmit::Rc(rc) => return Self::Rc(rc),
+            msp::Transmit::Order(order) => return Self::Order(order),
             msp::Transmit::Telemetry(telemetry) => navigation::Input::Telemetry(telemetry),
             msp::Transmit::Resync => navigation::Input::Resync,
         };

@@ -1,6 +1,7 @@
 //! A drone's file. It names a scenario, the same file that is simulated. The scenario's simulated world (radio, faults,
 //! seed, other swarms) is ignored here.
 
+mod autopilot;
 mod flight;
 mod raw;
 
@@ -26,6 +27,7 @@ use muster_transport::sockets::{self, Reach};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub(crate) use self::autopilot::AutopilotConfig;
 pub(crate) use self::flight::Origin;
 use self::raw::{LevelName, LogName, Network, Raw, ReceiverName, StageName, VehicleName};
 use crate::log::{Format, Level};
@@ -99,6 +101,8 @@ pub struct DroneConfig {
     pub(crate) level: Level,
     /// The flight controller. `None` with a simulated vehicle.
     pub(crate) controller: Option<ControllerConfig>,
+    /// The autopilot. `None` with any other vehicle.
+    pub(crate) autopilot: Option<AutopilotConfig>,
     /// Address of `/metrics`, `/health` and `/status`. `None` without `[observe]`.
     pub(crate) http: Option<SocketAddr>,
 }
@@ -152,6 +156,7 @@ impl DroneConfig {
     pub(crate) fn load_from(path: &Path, read: Read<'_>) -> Result<Self, BadInput> {
         let file = File::read(path)?;
         let raw = &file.0.raw;
+        let autopilot = autopilot::of(&file.0)?;
         let controller = file.controller()?;
         let scenario_path = file.0.resolve(raw.scenario.get_ref());
         let journals = file.0.resolve(&raw.journal);
@@ -180,6 +185,7 @@ impl DroneConfig {
             level: raw.log_level.into(),
             http: file.http()?,
             controller,
+            autopilot,
             plan,
             origin,
         })
@@ -219,6 +225,9 @@ impl DroneConfig {
 
     /// Builds the link to what the drone flies.
     pub(crate) fn link(&self) -> Arc<LinkBuilder> {
+        if let Some(autopilot) = &self.autopilot {
+            return self.plan.autopilot_link(autopilot.stage);
+        }
         let (kind, stage, receiver) = match &self.controller {
             Some(controller) => (VehicleKind::Msp, controller.stage, controller.receiver),
             None => (VehicleKind::ClosedForm, Stage::Sim, Receiver::Sole),
@@ -298,6 +307,7 @@ impl File {
         let refuse = |at: std::ops::Range<usize>, message: &str| Err(self.0.error(at, message));
         let (stage, vehicle) = (&raw.stage, &raw.vehicle);
         let stage = match (stage.get_ref(), vehicle.get_ref()) {
+            (_, VehicleName::Mavlink) => return Ok(None),
             (StageName::Sim, _) => Stage::Sim,
             (StageName::Bench, VehicleName::Msp) => Stage::Bench,
             (StageName::Tethered, VehicleName::Msp) => Stage::Tethered,

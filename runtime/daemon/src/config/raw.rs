@@ -28,10 +28,10 @@ pub(super) struct Raw {
     pub(super) stage: Located<StageName>,
     /// What it flies.
     pub(super) vehicle: Located<VehicleName>,
-    /// Where the flight controller is; with `vehicle = "msp"` only, which needs it.
+    /// Where the flight controller or the autopilot is; with `vehicle = "msp"` and `"mavlink"` only, which need it.
     #[schemars(extend(
-        "x-accepted" = "a serial device as \"serial:/dev/ttyACM0\" or \"serial:/dev/ttyAMA0@115200\", or \"tcp:HOST:PORT\"",
-        "x-condition" = "a serial device only above the stage `sim`"
+        "x-accepted" = "a serial device as \"serial:/dev/ttyACM0\" or \"serial:/dev/ttyAMA0@115200\", or \"tcp:HOST:PORT\"; with `vehicle = \"mavlink\"` \"udpin:ADDRESS:PORT\"",
+        "x-condition" = "a serial device only above the stage `sim`; in it only a loopback address with `udpin`"
     ))]
     pub(super) port: Option<Located<String>>,
     /// Who else commands the flight controller; with `vehicle = "msp"` only, which needs it.
@@ -71,7 +71,8 @@ pub(super) struct Raw {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum StageName {
-    /// Arms a simulated vehicle, or a flight controller whose board says that it is a simulation.
+    /// Arms a simulated vehicle, a flight controller whose board says that it is a simulation, or an autopilot at a loopback
+    /// address.
     Sim,
     /// Telemetry of a flight controller. Never arms, and no motor turns.
     Bench,
@@ -89,6 +90,8 @@ pub(super) enum VehicleName {
     ClosedForm,
     /// A flight controller over MSP.
     Msp,
+    /// An autopilot over MAVLink.
+    Mavlink,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]

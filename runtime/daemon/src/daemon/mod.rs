@@ -5,6 +5,7 @@
 
 mod actors;
 mod agent_calls;
+mod autopilot;
 mod counts;
 mod durable;
 mod endpoint;
@@ -243,7 +244,7 @@ struct OpenedVehicle {
     port_events: Option<PortEvents>,
 }
 
-/// Opens the port to the flight controller; or creates the simulated vehicle, or resumes it with the state from the control
+/// Opens the port to the flight controller or the autopilot; or creates the simulated vehicle, or resumes it with the state from the control
 /// channel. `None` if the channel closed before that.
 async fn open_vehicle(
     config: &DroneConfig,
@@ -251,8 +252,12 @@ async fn open_vehicle(
     clock: Clock,
 ) -> Result<Option<OpenedVehicle>, DaemonError> {
     let mut control_messages = start.is_controlled.then(tasks::control_messages);
-    if let Some(controller) = &config.controller {
-        let opened = vehicle::controlled(controller);
+    let opened = match (&config.controller, &config.autopilot) {
+        (Some(controller), _) => Some(vehicle::controlled(controller)),
+        (None, Some(autopilot)) => Some(autopilot::open(autopilot)),
+        (None, None) => None,
+    };
+    if let Some(opened) = opened {
         let (vehicle, port_events) = opened.map_err(DaemonError::Runtime)?;
         return Ok(Some(OpenedVehicle {
             vehicle,

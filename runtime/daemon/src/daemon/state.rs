@@ -162,6 +162,7 @@ impl State {
                 self.report_telemetry(now, telemetry);
             }
             Effect::Rc(rc) => self.vehicle.set_rc(rc),
+            Effect::Order(order) => self.vehicle.order(order),
             Effect::StoreCheckpoint(checkpoint) => self.durable.keep(&checkpoint),
             Effect::KeepList(list) => {
                 let is_revoked = self.revocations.keep(&list);
@@ -194,7 +195,7 @@ impl State {
         }
     }
 
-    /// An event of the port to the flight controller.
+    /// An event of the port to the flight controller or the autopilot.
     pub(super) fn port_told(&mut self, now: Timestamp, event: PortEvent) {
         self.introduce_port(now);
         if self.vehicle.port_told(now, &event) {

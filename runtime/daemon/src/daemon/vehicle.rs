@@ -1,10 +1,11 @@
-//! What a drone's process flies: a simulated vehicle, or a flight controller behind a port.
+//! What a drone's process flies: a simulated vehicle, or a flight controller or an autopilot behind a port.
 
 use std::io;
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use muster_machines::geometry::{Ned, Velocity};
+use muster_machines::msp::autopilot::Order;
 use muster_machines::msp::controller::{Receiver, Stage};
 use muster_machines::msp::{FlightCommand, Introduction, PortEvent, Telemetry};
 use muster_machines::time::Timestamp;
@@ -14,12 +15,14 @@ use muster_port::{Event, Link};
 use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use tokio::sync::mpsc;
 
+use super::autopilot::Piloted;
 use super::permission::{Checker, Refused};
 use crate::config::ControllerConfig;
 use crate::pose;
+use crate::status::PortStatus;
 
 /// Events of a port that wait for the drone's thread. While they are full the port drops its oldest.
-const EVENTS_MAX: usize = 64;
+pub(super) const EVENTS_MAX: usize = 64;
 /// How long the thread that passes events on waits before it looks whether the process has ended.
 const WAIT: Duration = Duration::from_millis(200);
 
@@ -27,8 +30,10 @@ const WAIT: Duration = Duration::from_millis(200);
 pub(super) enum Vehicle {
     /// In closed form.
     Simulated(Box<SimulatedVehicle>),
-    /// Behind a port.
+    /// A flight controller behind a port.
     Controlled(Box<Controlled>),
+    /// An autopilot behind a port.
+    Piloted(Box<Piloted>),
 }
 
 /// A flight controller behind a port.
@@ -43,11 +48,26 @@ pub(super) struct Controlled {
     introduction: Introduction,
 }
 
+/// Telemetry before the link has told any.
+pub(super) const UNKNOWN: Telemetry = Telemetry {
+    position: Ned::HOME,
+    position_lost_for: Some(Duration::ZERO),
+    velocity: Velocity::ZERO,
+    stop: Ned::HOME,
+    at_rest: true,
+    armed: false,
+    landing: false,
+    taken_over: false,
+    target: None,
+    charge: 1.0,
+};
+
 impl Vehicle {
     pub(super) fn is_armed(&self) -> bool {
         match self {
             Self::Simulated(vehicle) => vehicle.is_armed(),
             Self::Controlled(controlled) => controlled.telemetry.armed,
+            Self::Piloted(piloted) => piloted.telemetry.armed,
         }
     }
 
@@ -55,14 +75,23 @@ impl Vehicle {
         match self {
             Self::Simulated(vehicle) => vehicle.telemetry(now),
             Self::Controlled(controlled) => controlled.telemetry,
+            Self::Piloted(piloted) => piloted.telemetry,
         }
     }
 
     /// State of the port; `None` without one.
-    pub(super) fn port(&self) -> Option<muster_port::Status> {
+    pub(super) fn port(&self) -> Option<PortStatus> {
         match self {
             Self::Simulated(_) => None,
-            Self::Controlled(controlled) => Some(controlled.port.status()),
+            Self::Controlled(controlled) => Some(controlled.port.status().into()),
+            Self::Piloted(piloted) => Some(piloted.status()),
+        }
+    }
+
+    /// Sends an order of the link to an autopilot.
+    pub(super) fn order(&self, order: Order) {
+        if let Self::Piloted(piloted) = self {
+            piloted.port.send(order);
         }
     }
 
@@ -70,8 +99,8 @@ impl Vehicle {
     pub(super) fn execute(&mut self, now: Timestamp, command: FlightCommand) -> Option<Telemetry> {
         match self {
             Self::Simulated(vehicle) => vehicle.execute(now, command),
-            // Its own link commands it by RC. Without the link RC ends, and its failsafe lands it.
-            Self::Controlled(_) => None,
+            // Its own link commands it by RC or by orders. Without the link these end, and its failsafe lands it.
+            Self::Controlled(_) | Self::Piloted(_) => None,
         }
     }
 
@@ -80,14 +109,16 @@ impl Vehicle {
         match (self, rc) {
             (Self::Controlled(controlled), Some(rc)) => controlled.port.set_channels(rc),
             (Self::Controlled(controlled), None) => controlled.port.release(),
-            (Self::Simulated(_), _) => {}
+            (Self::Simulated(_) | Self::Piloted(_), _) => {}
         }
     }
 
-    /// The link of a flight controller has told the navigation this.
+    /// The link has told the navigation this.
     pub(super) fn told(&mut self, telemetry: Telemetry) {
-        if let Self::Controlled(controlled) = self {
-            controlled.telemetry = telemetry;
+        match self {
+            Self::Simulated(_) => {}
+            Self::Controlled(controlled) => controlled.telemetry = telemetry,
+            Self::Piloted(piloted) => piloted.telemetry = telemetry,
         }
     }
 
@@ -109,7 +140,7 @@ impl Vehicle {
                 let refused = controlled.refused.lock();
                 refused.unwrap_or_else(PoisonError::into_inner).clone()
             }
-            Self::Simulated(_) => None,
+            Self::Simulated(_) | Self::Piloted(_) => None,
         }
     }
 
@@ -118,14 +149,15 @@ impl Vehicle {
     pub(super) fn refused(&self) -> Vec<Finding> {
         match self {
             Self::Controlled(controlled) if controlled.flies => controlled.port.status().unfit,
-            Self::Controlled(_) | Self::Simulated(_) => Vec::new(),
+            Self::Controlled(_) | Self::Simulated(_) | Self::Piloted(_) => Vec::new(),
         }
     }
 
     /// What a link that has just started is told of its port.
     pub(super) fn introduction(&self, now: Timestamp) -> impl Iterator<Item = PortEvent> + use<> {
         let events = match self {
-            Self::Simulated(_) => None,
+            // An autopilot repeats all that it tells.
+            Self::Simulated(_) | Self::Piloted(_) => None,
             Self::Controlled(controlled) => Some(controlled.introduction.events(now)),
         };
         events.into_iter().flatten()
@@ -142,14 +174,14 @@ impl Vehicle {
     pub(super) fn next_timeout(&self) -> Option<Timestamp> {
         match self {
             Self::Simulated(vehicle) => vehicle.next_timeout(),
-            Self::Controlled(_) => None,
+            Self::Controlled(_) | Self::Piloted(_) => None,
         }
     }
 
     pub(super) fn handle_timeout(&mut self, now: Timestamp) -> Option<Telemetry> {
         match self {
             Self::Simulated(vehicle) => vehicle.handle_timeout(now),
-            Self::Controlled(_) => None,
+            Self::Controlled(_) | Self::Piloted(_) => None,
         }
     }
 }
@@ -188,23 +220,11 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
                 }
             }
         })?;
-    let telemetry = Telemetry {
-        position: Ned::HOME,
-        position_lost_for: Some(Duration::ZERO),
-        velocity: Velocity::ZERO,
-        stop: Ned::HOME,
-        at_rest: true,
-        armed: false,
-        landing: false,
-        taken_over: false,
-        target: None,
-        charge: 1.0,
-    };
     let controlled = Controlled {
         port,
         flies: config.stage != Stage::Bench,
         refused,
-        telemetry,
+        telemetry: UNKNOWN,
         introduction: Introduction::default(),
     };
     let vehicle = Vehicle::Controlled(Box::new(controlled));

@@ -71,6 +71,8 @@ pub enum PortEvent {
     Told(Told),
     /// A sensor beside the controller measured where the vehicle is.
     Pose(Pose),
+    /// An autopilot told something.
+    Autopilot(super::autopilot::Told),
 }
 
 /// Where a vehicle is, as measured from outside: by motion capture, beacons or a localisation of its own.
@@ -240,6 +242,8 @@ impl ControllerLink {
                 };
             }
             PortEvent::Closed => self.close(),
+            // From an autopilot, which this link does not have.
+            PortEvent::Autopilot(_) => {}
             PortEvent::Pose(pose) => {
                 self.estimator.predict(now);
                 self.estimator.measure_pose(now, &pose);

@@ -182,7 +182,9 @@ impl Bench {
                 Output::Transmit(Transmit::Rc(rc)) => self.rc = rc,
                 Output::Transmit(Transmit::Telemetry(it)) => self.telemetry.push(it),
                 Output::Transmit(Transmit::Resync) => {}
-                Output::Transmit(Transmit::Command(command)) => panic!("{command:?}"),
+                Output::Transmit(it @ (Transmit::Command(_) | Transmit::Order(_))) => {
+                    panic!("{it:?}")
+                }
                 Output::Event(Event::Checkpoint(checkpoint)) => self.checkpoint = Some(checkpoint),
                 Output::Idle { .. } => return,
             }

@@ -10,8 +10,7 @@ use muster_machines::wire::PacketKind;
 
 use super::State;
 use crate::status::{
-    ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, PortState, PortStatus, Role, Sent,
-    Status, VehicleStatus,
+    ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, Role, Sent, Status, VehicleStatus,
 };
 
 /// The drone is unhealthy if an actor takes longer than this for a message. On a busy machine it takes a tenth of it.
@@ -63,7 +62,7 @@ impl State {
             parent: self.monitor.routes.parent.map(|id| id.0),
             heard: self.heard(now),
             vehicle: self.vehicle(now),
-            port: self.vehicle.port().map(port),
+            port: self.vehicle.port(),
             actors: self.actor_status(),
             agent: self.agent_calls.as_ref().map(|calls| calls.status()),
             frames: self.frames(),
@@ -185,29 +184,6 @@ impl State {
             too_long: counters.too_long,
             overflowed: self.link.network.overflowed(),
         }
-    }
-}
-
-fn port(status: muster_port::Status) -> PortStatus {
-    PortStatus {
-        state: match status.state {
-            muster_port::State::Closed => PortState::Closed,
-            muster_port::State::Identifying => PortState::Identifying,
-            muster_port::State::Open => PortState::Open,
-            muster_port::State::Silent => PortState::Silent,
-        },
-        unfit: status.unfit.iter().map(ToString::to_string).collect(),
-        closed_by: status.closed_by,
-        opened: status.opened,
-        latency_s: status.latency.mean().as_secs_f64(),
-        latency_max_s: status.latency.max.as_secs_f64(),
-        loss: status.latency.loss(),
-        bad_frames: status.counts.bad(),
-        rc_sent: status.rc_sent,
-        rc_acknowledged: status.rc_acknowledged,
-        rc_per_s: status.rc_per_second,
-        rc_gap_max_s: status.rc_gap_max.as_secs_f64(),
-        is_realtime: status.is_realtime,
     }
 }
 

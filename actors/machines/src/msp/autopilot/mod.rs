@@ -1,0 +1,340 @@
+//! Link to an autopilot that flies legs itself: it is armed, told where to fly, and told to land.
+
+mod contact;
+mod course;
+mod place;
+mod vocabulary;
+
+use std::time::Duration;
+
+use self::contact::Contact;
+pub use self::contact::LOST_AFTER;
+use self::course::Course;
+use self::place::Place;
+pub use self::vocabulary::{Landed, Mode, Order, Told};
+use super::controller::{Flight, Stage};
+use super::{Checkpoint, Event, FlightCommand, Input, PortEvent, Telemetry, Transmit};
+use crate::geodetic::Geodetic;
+use crate::geometry::{Ned, Velocity};
+use crate::machine::{Machine, Outbox, Output};
+use crate::time::{Timestamp, first_of};
+
+/// From one target to the next: PX4 stops if it gets fewer than two a second (docs.px4.io, *Offboard Mode*).
+const TARGET_PERIOD: Duration = Duration::from_millis(200);
+/// From one heartbeat of the link to the next, and until an order that was not carried out is repeated.
+const PERIOD: Duration = Duration::from_secs(1);
+/// Braking before the first setpoint, in m/s².
+const BRAKING_MPS2: f64 = 1.0;
+/// Share of charge that is news.
+const CHARGE_STEP: f64 = 0.01;
+
+/// Configuration of a link to an autopilot.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Config {
+    /// What the drone may do. Only [`Stage::Sim`] flies.
+    pub stage: Stage,
+    /// Home of the drone's local frame.
+    pub home: Geodetic,
+}
+
+/// A link to an autopilot that flies legs itself.
+///
+/// Invariant: all orders pass one gate, and in any stage but `sim` it only asks for telemetry.
+#[derive(Debug)]
+pub struct AutopilotLink {
+    config: Config,
+    gave_up: bool,
+    must_land: bool,
+    /// It is to arm as soon as it can.
+    must_arm: bool,
+    /// It was ordered to arm, by this link or before a restart.
+    has_flown: bool,
+    contact: Contact,
+    place: Place,
+    landed: Option<Landed>,
+    charge: Option<f64>,
+    course: Option<Course>,
+    kept: Option<Checkpoint>,
+    last: Option<Telemetry>,
+    /// When the next heartbeat leaves. `None` before the first one is heard.
+    acts_at: Option<Timestamp>,
+    /// When the next target leaves. `None` without a course.
+    aims_at: Option<Timestamp>,
+    outbox: Outbox<Transmit, Event>,
+}
+
+impl AutopilotLink {
+    /// A link, restored from `checkpoint` if there is one.
+    #[must_use]
+    pub fn new(config: Config, checkpoint: Option<Checkpoint>, now: Timestamp) -> Self {
+        let before = checkpoint.and_then(|it| it.flight);
+        let has_flown = before.is_some_and(|it| it.has_flown);
+        let taken = before.map(|it| it.taken).unwrap_or_default();
+        let setpoint = before.and_then(|it| it.setpoint);
+        let mut link = Self {
+            config,
+            gave_up: checkpoint.is_some_and(|it| it.gave_up),
+            must_land: before.is_some_and(|it| it.is_landing),
+            must_arm: false,
+            has_flown,
+            contact: Contact::new(has_flown, taken, now),
+            place: Place::new(config.home, now),
+            landed: None,
+            charge: None,
+            course: setpoint.map(|it| Course::new(now, it, None)),
+            kept: None,
+            last: None,
+            acts_at: None,
+            aims_at: setpoint.map(|_| now),
+            outbox: Outbox::new(),
+        };
+        if checkpoint.is_some() {
+            link.outbox.transmit(Transmit::Resync);
+        }
+        link.keep();
+        link
+    }
+
+    fn handle_command(&mut self, now: Timestamp, command: FlightCommand) {
+        match command {
+            FlightCommand::Report | FlightCommand::Yield => return self.report(now),
+            _ if self.gave_up => return,
+            FlightCommand::Arm => self.must_arm |= !self.must_land && !self.has_flown,
+            FlightCommand::Fly(setpoint) if self.contact.is_armed() && !self.must_land => {
+                let course = Course::new(now, setpoint, self.stop());
+                self.order(course.speed());
+                self.course = Some(course);
+                self.aims_at = Some(now);
+            }
+            FlightCommand::Fly(_) => return,
+            FlightCommand::Land => self.must_land = true,
+        }
+        self.act(now);
+        self.aim(now);
+        self.keep();
+        self.report_news(now);
+    }
+
+    fn handle_told(&mut self, now: Timestamp, told: Told) {
+        match told {
+            Told::Heartbeat { armed, mode } => {
+                let has_flown = self.has_flown;
+                let is_news = self.contact.hear(now, armed, mode, has_flown);
+                self.must_arm &= !armed;
+                if self.acts_at.is_none() {
+                    self.handle_second(now);
+                } else if is_news {
+                    self.act(now);
+                }
+                self.keep();
+            }
+            Told::Landed(landed) => self.landed = Some(landed),
+            Told::Origin(origin) => self.place.set_origin(origin, self.contact.is_armed()),
+            Told::Place { position, velocity } => {
+                self.place.set(now, position, velocity);
+                if let (Some(stop), Some(course)) = (self.stop(), &mut self.course) {
+                    course.begin(stop);
+                }
+            }
+            Told::Charge(charge) => self.charge = Some(charge),
+        }
+        self.report_news(now);
+    }
+
+    /// The link's heartbeat, and what is repeated with it. A link that is lost sends none, so that the autopilot's own failsafe
+    /// acts.
+    fn handle_second(&mut self, now: Timestamp) {
+        self.acts_at = Some(now + PERIOD);
+        if !self.contact.taken().by_failsafe {
+            self.order(Order::Heartbeat);
+        }
+        if self.place.lost_for(now).is_some() || self.landed.is_none() {
+            self.order(Order::Tell);
+        }
+        if let Some(course) = self.course.filter(|_| self.flies()) {
+            self.order(course.speed());
+        }
+        self.act(now);
+    }
+
+    /// Whether the autopilot is armed and takes orders, and isn't to land.
+    fn flies(&self) -> bool {
+        self.contact.is_armed()
+            && self.contact.is_links()
+            && self.contact.is_in(Mode::Guided)
+            && !self.must_land
+    }
+
+    /// Orders what is to be done next, unless it is being done.
+    fn act(&mut self, now: Timestamp) {
+        if self.must_land {
+            self.must_arm = false;
+            let is_others = self.contact.taken().by_pilot;
+            if self.contact.is_armed() && !is_others && !self.contact.is_in(Mode::Landing) {
+                self.order(Order::Land);
+            }
+        } else if self.must_arm {
+            let is_ready = self.contact.is_known() && self.place.lost_for(now).is_none();
+            if !is_ready || self.config.stage != Stage::Sim {
+                return;
+            }
+            if self.contact.is_in(Mode::Guided) {
+                self.has_flown = true;
+                self.order(Order::Arm);
+            } else {
+                self.order(Order::Guide);
+            }
+        } else if self.flies()
+            && self.landed == Some(Landed::Ground)
+            && let Some((to, _)) = self.course.and_then(|it| it.target(now))
+        {
+            let height_m = to.altitude_m();
+            self.order(Order::TakeOff { height_m });
+        }
+    }
+
+    /// Gives the autopilot its target, once it is in the air.
+    fn aim(&mut self, now: Timestamp) {
+        if self.aims_at.is_none_or(|at| at > now) {
+            return;
+        }
+        self.aims_at = Some(now + TARGET_PERIOD);
+        let target = self.course.and_then(|it| it.target(now));
+        if self.flies()
+            && self.landed == Some(Landed::Air)
+            && let Some((to, velocity)) = target
+            && let Some(to) = self.place.to_autopilot(to)
+        {
+            self.order(Order::Fly { to, velocity });
+        }
+    }
+
+    /// The last point before orders leave.
+    fn order(&mut self, order: Order) {
+        if self.config.stage == Stage::Sim || order == Order::Tell {
+            self.outbox.transmit(Transmit::Order(order));
+        }
+    }
+
+    /// Where it would come to rest if it braked now. `None` if it isn't known where it is.
+    fn stop(&self) -> Option<Ned> {
+        let braking_mps2 = (self.course).map_or(BRAKING_MPS2, |it| it.acceleration_mps2());
+        (self.place.last()).map(|place| course::stop(place, braking_mps2))
+    }
+
+    fn telemetry(&self, now: Timestamp) -> Telemetry {
+        let place = self.place.last().unwrap_or((Ned::HOME, Velocity::ZERO));
+        let armed = self.contact.is_armed();
+        let is_descending = self.landed == Some(Landed::Landing);
+        let is_own = self.contact.is_links() && self.contact.is_in(Mode::Guided);
+        let landing = armed && (is_descending || !is_own);
+        let has_come_to_rest = match &self.course {
+            Some(course) => course.is_reached(now, place),
+            None => course::is_slow(place.1),
+        };
+        Telemetry {
+            position: place.0,
+            position_lost_for: self.place.lost_for(now),
+            velocity: place.1,
+            stop: self.stop().unwrap_or(Ned::HOME),
+            at_rest: !armed || !landing && has_come_to_rest,
+            armed,
+            landing,
+            taken_over: self.contact.taken().by_pilot,
+            target: (self.course.filter(|_| armed && !landing)).and_then(|it| it.leg_end()),
+            charge: self.charge.unwrap_or(1.0),
+        }
+    }
+
+    /// Whether there is something to report: the autopilot has said whether it is armed, and if it is, where it is; or it is
+    /// silent.
+    fn can_report(&self) -> bool {
+        let is_placed = !self.contact.is_armed() || self.place.last().is_some();
+        self.contact.is_known() && is_placed || self.contact.taken().by_failsafe
+    }
+
+    fn report(&mut self, now: Timestamp) {
+        if self.can_report() {
+            let telemetry = self.telemetry(now);
+            self.last = Some(telemetry);
+            self.outbox.transmit(Transmit::Telemetry(telemetry));
+        }
+    }
+
+    /// Reports what the navigation must know at once.
+    fn report_news(&mut self, now: Timestamp) {
+        let telemetry = self.telemetry(now);
+        let is_news = self.last.is_none_or(|last| {
+            (last.armed, last.landing, last.at_rest)
+                != (telemetry.armed, telemetry.landing, telemetry.at_rest)
+                || last.position_lost_for.is_some() != telemetry.position_lost_for.is_some()
+                || (last.charge - telemetry.charge).abs() >= CHARGE_STEP
+        });
+        if is_news {
+            self.report(now);
+        }
+    }
+
+    fn keep(&mut self) {
+        let checkpoint = Checkpoint {
+            gave_up: self.gave_up,
+            flight: Some(Flight {
+                has_flown: self.has_flown,
+                setpoint: self.course.map(|it| it.setpoint),
+                is_landing: self.must_land,
+                taken: self.contact.taken(),
+                // The autopilot's own business.
+                start: None,
+                hover_throttle: 0.0,
+                ground_m: None,
+            }),
+        };
+        if self.kept != Some(checkpoint) {
+            self.kept = Some(checkpoint);
+            self.outbox.event(Event::Checkpoint(checkpoint));
+        }
+    }
+}
+
+impl Machine for AutopilotLink {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
+        match input {
+            Input::FlightCommand(command) => self.handle_command(now, command),
+            Input::Port(PortEvent::Autopilot(told)) => self.handle_told(now, told),
+            // From a flight controller or a closed-form vehicle, which this link does not have.
+            Input::Port(_) | Input::Telemetry(_) => {}
+            Input::GiveUp => {
+                self.gave_up = true;
+                self.must_land = true;
+                self.act(now);
+                self.keep();
+            }
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Timestamp) {
+        if self.contact.handle_timeout(now) {
+            self.must_land = true;
+            self.keep();
+            self.report_news(now);
+        }
+        if self.acts_at.is_some_and(|at| at <= now) {
+            self.handle_second(now);
+            self.keep();
+            self.report_news(now);
+        }
+        self.aim(now);
+    }
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        let deadline = first_of([self.acts_at, self.aims_at, self.contact.deadline()]);
+        self.outbox.poll(deadline)
+    }
+}
+
+#[cfg(test)]
+mod tests;

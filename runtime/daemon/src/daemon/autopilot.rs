@@ -1,0 +1,66 @@
+//! An autopilot behind a port.
+
+use std::io;
+
+use muster_machines::msp::autopilot::LOST_AFTER;
+use muster_machines::msp::{PortEvent, Telemetry};
+use muster_mavlink::{Event, Port};
+use tokio::sync::mpsc;
+
+use super::vehicle::{EVENTS_MAX, PortEvents, UNKNOWN, Vehicle};
+use crate::config::AutopilotConfig;
+use crate::status::PortStatus;
+
+/// An autopilot behind a port.
+pub(super) struct Piloted {
+    pub(super) port: Port,
+    /// What the navigation was told last.
+    pub(super) telemetry: Telemetry,
+}
+
+/// Opens a port. Returns its events.
+///
+/// # Errors
+/// If its address is not free, or the system starts no thread.
+pub(super) fn open(config: &AutopilotConfig) -> io::Result<(Vehicle, PortEvents)> {
+    let (sender, events) = mpsc::channel(EVENTS_MAX);
+    let mut refused = 0_u64;
+    let port = Port::open(config.port, move |event| {
+        match event {
+            // While the link is behind, what is told is dropped: the next is newer.
+            Event::Told(told) => drop(sender.try_send(PortEvent::Autopilot(told))),
+            Event::Refused(why) => {
+                refused += 1;
+                if refused.is_power_of_two() {
+                    tracing::warn!(refused, "the autopilot refuses a command: {why}");
+                }
+            }
+        }
+        !sender.is_closed()
+    })?;
+    let piloted = Piloted {
+        port,
+        telemetry: UNKNOWN,
+    };
+    Ok((Vehicle::Piloted(Box::new(piloted)), events))
+}
+
+impl Piloted {
+    pub(super) fn status(&self) -> PortStatus {
+        let status = self.port.status();
+        let port = muster_port::Status {
+            state: match status.silent_for {
+                None => muster_port::State::Identifying,
+                Some(silence) if silence > LOST_AFTER => muster_port::State::Silent,
+                Some(_) => muster_port::State::Open,
+            },
+            opened: 1,
+            refused: status.refused,
+            ..muster_port::Status::default()
+        };
+        PortStatus {
+            bad_frames: status.ignored,
+            ..port.into()
+        }
+    }
+}
