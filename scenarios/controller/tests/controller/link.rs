@@ -6,7 +6,7 @@ use muster_controller::{CHANNELS, Contact, Controller, Fault, Settings, Truth, V
 use muster_machines::geometry::Ned;
 use muster_machines::machine::{Machine, Output};
 use muster_machines::motion::Landing;
-use muster_machines::msp::controller::{Config, Gains, Noise, Receiver, Stage};
+use muster_machines::msp::controller::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
 use muster_machines::msp::{
     ControllerLink, FlightCommand, Input, PortEvent, Setpoint, Telemetry, Transmit,
 };
@@ -62,6 +62,7 @@ impl Flown {
                 final_altitude_m: 10.0,
                 acceleration_mps2: 1.0,
             },
+            place: PlaceSensor::Gps,
             noise: Noise::GPS,
             gains: Gains::QUADCOPTER,
         };
