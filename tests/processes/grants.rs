@@ -1,13 +1,15 @@
 //! Stages above `bench`: what a drone with a pilot's receiver may do with its grant, and without.
 
 use std::process::Command;
+use std::thread;
+use std::time::Duration;
 
-use muster_controller::{Contact, Settings, Truth};
+use muster_controller::Settings;
+use muster_daemon::control::READY;
 use serde_json::Value;
 
-use super::controllers::{LEADER, controlled};
-use super::fleet::{Fleet, Process, assert_refused, replace, run_command};
-use super::flights::state;
+use super::controllers::controlled;
+use super::fleet::{Fleet, assert_refused, replace, run_command};
 use super::receiver::Receiver;
 use super::swarm::wait_until;
 
@@ -47,6 +49,16 @@ fn grant(fleet: &Fleet, id: u32, stage: &str, receiver: &Receiver) {
 /// Sticks of a pilot who stands by; ANGLE is always on.
 const fn pilot(arm: u16, over: u16) -> [u16; 7] {
     [1_500, 1_500, 1_500, 1_000, arm, 1_800, over]
+}
+
+/// The pilot arms, by a switch that must have been low once arming is allowed. `over`: the switch of MSP OVERRIDE.
+fn arm(receiver: &Receiver, over: u16) {
+    let mut switch = [1_000, 1_800].into_iter().cycle();
+    wait_until("the pilot has armed it", || {
+        receiver.pilot(pilot(switch.next().unwrap_or(1_000), over));
+        thread::sleep(Duration::from_millis(300));
+        receiver.truth().is_armed
+    });
 }
 
 fn changed() -> Settings {
@@ -109,7 +121,10 @@ fn changed_controller_falls_to_bench_and_status_says_why() {
             replace(&fleet.file(id), &receiver.address, now);
         }
     }
-    let _drones: Vec<_> = (0..DRONES).map(|id| fleet.start(id, &[])).collect();
+    let mut drones: Vec<_> = (0..DRONES).map(|id| fleet.start(id, &[])).collect();
+    for drone in &mut drones {
+        drone.wait_for("ready", |line| line["message"] == READY);
+    }
     let is_open = |status: &Value| status["port"]["state"] == "open";
     let status = fleet.wait_for_status(0, "the port is open", is_open);
     assert!(!fault(&status, "bench"), "{status:#}");
@@ -126,10 +141,7 @@ fn changed_controller_falls_to_bench_and_status_says_why() {
     }
     // Nobody takes the sticks of what these pilots arm.
     for receiver in &swapped[1..] {
-        wait_until("the pilot has armed it", || {
-            receiver.pilot(pilot(1_800, 1_000));
-            receiver.truth().is_armed
-        });
+        arm(receiver, 1_000);
     }
     for id in [1, 2] {
         let quiet = |status: &Value| status["port"]["rc_per_s"] == 0;
@@ -137,42 +149,4 @@ fn changed_controller_falls_to_bench_and_status_says_why() {
         let status = fleet.wait_for_status(id, "RC has stopped", |it| armed(it) && quiet(it));
         assert!(fault(&status, "the stage falls to bench"), "{status:#}");
     }
-}
-
-#[test]
-fn tethered_drones_stay_within_reach_of_where_their_pilots_armed_them() {
-    let (fleet, receivers) = piloted("tethered", |_| Settings::fit_overriding());
-    for (id, receiver) in (0..).zip(&receivers) {
-        grant(&fleet, id, "tethered", receiver);
-        receiver.pilot(pilot(1_000, 1_800));
-    }
-    let mut drones: Vec<Process> = (0..DRONES)
-        .map(|id| fleet.start(id, if id == LEADER { &["--fly"] } else { &[] }))
-        .collect();
-    for (drone, receiver) in drones.iter_mut().zip(&receivers) {
-        drone.wait_for_mission(&state("TakingOff"));
-        assert!(!receiver.truth().is_armed, "the pilot arms");
-    }
-    let starts: Vec<Truth> = receivers.iter().map(Receiver::truth).collect();
-    for receiver in &receivers {
-        wait_until("the pilot has armed it", || {
-            receiver.pilot(pilot(1_800, 1_800));
-            receiver.truth().is_armed
-        });
-    }
-    let leader = &receivers[LEADER as usize];
-    let height_m = |truth: &Truth| truth.position.altitude_m();
-    wait_until("it climbs", || height_m(&leader.truth()) > 1.5);
-    let began = std::time::Instant::now();
-    // A mission's first leg climbs to 10 m.
-    while began.elapsed().as_secs() < 10 {
-        for (receiver, start) in receivers.iter().zip(&starts) {
-            let truth = receiver.truth();
-            assert!(height_m(&truth) < 2.5, "{} m", height_m(&truth));
-            let moved = truth.position - start.position;
-            assert!(moved.0.xy().norm() < 3.5, "{moved:?}");
-        }
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    assert_eq!(leader.truth().contact, Contact::Airborne);
 }

@@ -128,7 +128,8 @@ fn command_line(said: &[u8]) -> Option<String> {
         "msp_override_failsafe" => "OFF",
         _ => return None,
     };
-    Some(format!("{name} = {value}\r\n\r\n# "))
+    // It echoes what it reads.
+    Some(format!("get {name}\r\n{name} = {value}\r\n\r\n# "))
 }
 
 fn raise_priority() {
