@@ -78,14 +78,18 @@ impl Course {
         }
     }
 
-    /// Its maximum speeds. A leg's is split into its parts over ground and vertical.
+    /// Its maximum speeds. A leg's is split into its parts over ground and vertical; a part shorter than a metre sets none, or
+    /// the autopilot could not correct what it is off.
     pub(super) fn speed(&self) -> Order {
         let (over_ground_mps, vertical_mps) = match self.setpoint {
             Setpoint::Leg { to, speed_mps, .. } => match self.from {
                 Some(from) if from != to => {
-                    let share = speed_mps / from.distance_m(to);
-                    let vertical_m = from.vertical_distance_m(to);
-                    (from.horizontal_distance_m(to) * share, vertical_m * share)
+                    let part = |length_m: f64| match length_m {
+                        1.0.. => speed_mps * length_m / from.distance_m(to),
+                        _ => 0.0,
+                    };
+                    let over_ground_m = from.horizontal_distance_m(to);
+                    (part(over_ground_m), part(from.vertical_distance_m(to)))
                 }
                 _ => (0.0, 0.0),
             },

@@ -154,6 +154,27 @@ fn it_guides_arms_takes_off_and_flies_in_this_order() {
 }
 
 #[test]
+fn level_leg_leaves_the_vertical_speed_as_it_is() {
+    let mut bench = Bench::flying();
+    bench.position = Ned::new(0.0, 0.0, -19.96);
+    bench.run(0.1);
+    bench.orders.clear();
+    bench.command(FlightCommand::Fly(Setpoint::Leg {
+        to: Ned::new(100.0, 0.0, -20.0),
+        speed_mps: 8.0,
+        acceleration_mps2: 1.0,
+    }));
+    let Some(Order::Speed {
+        over_ground_mps,
+        vertical_mps,
+    }) = bench.orders.first()
+    else {
+        panic!("{:?}", bench.orders);
+    };
+    assert!((over_ground_mps - 8.0).abs() < 0.01 && vertical_mps.abs() < 1e-9);
+}
+
+#[test]
 fn targets_and_positions_are_moved_between_the_autopilots_frame_and_the_drones() {
     let mut bench = Bench::flying();
     let origin = Geodetic::new(HOME.0 + 0.001, HOME.1, 250.0).unwrap();
