@@ -17,8 +17,7 @@ use super::{Failure, Outcome, terminal};
 #[command(after_help = "Examples:
   muster keys fleet my-fleet
   muster keys drone my-fleet 0 1 2 3 4
-  muster keys revoke my-fleet 3
-  muster keys grant my-fleet 2 --stage tethered --controller /dev/ttyACM0 --days 7")]
+  muster keys revoke my-fleet 3")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     action: Action,

@@ -184,7 +184,9 @@ fn lock(shared: &Mutex<Shared>) -> MutexGuard<'_, Shared> {
 mod tests {
     use std::net::Ipv4Addr;
 
-    use mavlink::dialects::common::{HEARTBEAT_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot};
+    use mavlink::dialects::common::{
+        HEARTBEAT_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavModeFlag,
+    };
     use mavlink::{write_v1_msg, write_v2_msg};
     use muster_machines::msp::autopilot::Mode;
 
@@ -195,6 +197,7 @@ mod tests {
     fn heartbeat() -> MavMessage {
         MavMessage::HEARTBEAT(HEARTBEAT_DATA {
             autopilot: MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA,
+            base_mode: MavModeFlag::empty(),
             ..Default::default()
         })
     }
@@ -235,7 +238,7 @@ mod tests {
     fn two_messages_of_a_datagram_are_read_and_bytes_between_them_cost_neither() {
         let mut shared = Shared::default();
         let ours = header(1, AUTOPILOT);
-        let noise = [0xFD, 0, 3, 0xFE];
+        let noise = [0, 3, 0xFE];
         let [first, second] = [heartbeat(), place()].map(|it| written(ours, &it));
         let told = shared.read(&[&first[..], &noise, &second].concat(), SOURCE);
         assert_eq!(told.len(), 2);

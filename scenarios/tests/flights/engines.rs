@@ -147,7 +147,7 @@ fn mission_completes_after_simultaneous_panics_in_all_actors() {
 #[test]
 fn drone_over_its_restart_limit_lands_and_the_others_continue() {
     for actor in Address::ALL {
-        let mut scenario = scenario("thesis-1.toml", &[]);
+        let mut scenario = scenario("thesis-1.toml", &["limits.msp_restarts_max=5"]);
         scenario.faults = (0..6)
             .map(|index| crash(150.0 + f64::from(index), 0, actor))
             .collect();
@@ -178,7 +178,7 @@ fn drone_over_its_restart_limit_lands_while_another_actor_restarts() {
         (Address::Routing, Address::Mission),
         (Address::Mission, Address::Navigation),
     ] {
-        let mut scenario = scenario("thesis-1.toml", &[]);
+        let mut scenario = scenario("thesis-1.toml", &["limits.msp_restarts_max=5"]);
         // The fifth failure's back-off is 80 ms; the sixth comes within it.
         scenario.faults = (0..5)
             .map(|index| crash(150.0 + f64::from(index), 0, first))
