@@ -11,6 +11,7 @@ from pymavlink import mavutil  # noqa: E402
 mav = mavutil.mavlink
 GUIDED, LAND = 4, 9
 ACCELERATION_MPS2, LANDING_MPS = 2.0, 1.5
+TICK_S = 0.02
 FAILSAFE_S = 5  # ArduPilot's default of FS_GCS_TIMEOUT
 
 
@@ -38,8 +39,9 @@ class Autopilot(threading.Thread):
             except ConnectionRefusedError:
                 pass  # nobody listens yet
             now = time.monotonic()
-            self.step(now - stepped)
-            stepped = now
+            while stepped + TICK_S <= now:  # small steps, however busy the machine is
+                stepped += TICK_S
+                self.step(TICK_S)
             for number, (interval, due) in list(self.asked.items()):
                 if due <= now:
                     self.asked[number][1] = now + interval

@@ -87,7 +87,11 @@ def main():
         for waypoint in (1, 2):
             moving = {"State": {"MovingToWaypoint": {"waypoint": waypoint}}}
             reached = {"State": {"WaypointReached": {"waypoint": waypoint}}}
-            wait(f"all at waypoint {waypoint}", lambda: all(drone.at(reached) for drone in drones))
+            try:
+                wait(f"all at waypoint {waypoint}", lambda: all(drone.at(reached) for drone in drones))
+            except AssertionError:
+                print(f"autopilot: {vars(autopilot)}", *(drone.events[-1] for drone in drones), sep="\n")
+                raise
             begins = [drone.at(moving) for drone in drones]
             print(f"waypoint {waypoint}: began within {max(begins) - min(begins):.2f} s", flush=True)
             before = {"State": {"WaypointReached": {"waypoint": waypoint - 1}}}
