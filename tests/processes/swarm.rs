@@ -354,7 +354,10 @@ fn scenarios_for_simulation_only_are_refused() {
     };
     refused("two-swarms.toml", "has several swarms");
     refused("follow-by-hand.toml", "a simulated pilot or operator");
-    refused("failsafe-gps.toml", "the vehicle simulated beside a process");
+    refused(
+        "failsafe-gps.toml",
+        "the vehicle simulated beside a process",
+    );
     assert!(!folder.path().join("out").exists());
     // A folder that is not of a flight is not touched.
     let own = folder.path().join("out/drones/own.txt");
