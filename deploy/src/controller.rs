@@ -6,9 +6,9 @@ use std::os::fd::AsFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-use muster_controller::{Config, Controller, Fault, Truth};
+use muster_controller::{Config, Controller, Truth};
 use muster_machines::time::Timestamp;
-use muster_scenarios::controllers::Line;
+use muster_scenarios::controllers::FaultyController;
 use muster_scenarios::scenario::ControllerFault;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
@@ -28,27 +28,17 @@ pub struct Server(Weak<Mutex<Live>>);
 #[derive(Debug)]
 struct Live {
     started: Instant,
-    controller: Controller,
-    line: Line,
-    /// When the line can be opened again.
-    closed_until: Timestamp,
-    /// When the firmware goes on. `None` if it runs.
-    frozen_until: Option<Timestamp>,
-    /// When the battery's voltage is back. `None` if it is there.
-    sags_until: Option<Timestamp>,
+    faulty: FaultyController,
 }
 
 impl LiveController {
     /// A controller that starts now. `seed` draws the errors of its sensors, and the bytes that faults of its line meet.
     #[must_use]
     pub fn start(config: Config, seed: u64) -> Self {
+        let controller = Controller::new(config, seed, Timestamp::ZERO);
         Self(Arc::new(Mutex::new(Live {
             started: Instant::now(),
-            controller: Controller::new(config, seed, Timestamp::ZERO),
-            line: Line::new(seed),
-            closed_until: Timestamp::ZERO,
-            frozen_until: None,
-            sags_until: None,
+            faulty: FaultyController::new(controller, seed),
         })))
     }
 
@@ -68,7 +58,7 @@ impl LiveController {
             let live = live.upgrade()?;
             let mut live = lock(&live);
             let now = live.recover();
-            Some(live.controller.aircraft(now).position)
+            Some(live.faulty.controller.aircraft(now).position)
         })
     }
 
@@ -77,7 +67,7 @@ impl LiveController {
     pub fn truth(&self) -> Truth {
         let mut live = lock(&self.0);
         let now = live.recover();
-        live.controller.aircraft(now)
+        live.faulty.controller.aircraft(now)
     }
 
     /// Injects a fault now, for so long or for good.
@@ -147,62 +137,40 @@ impl Server {
 impl Live {
     fn advance(&mut self) {
         let now = self.recover();
-        self.controller.advance(now);
+        self.faulty.controller.advance(now);
     }
 
     /// Carries what was written. Returns what arrives from the controller, and how long the line may be left alone; `None` if
     /// it is closed.
     fn carry(&mut self, written: Vec<u8>) -> Option<(Vec<u8>, Duration)> {
         let now = self.recover();
-        if now < self.closed_until {
+        if self.faulty.is_closed(now) {
             return None;
         }
-        let arrived = self.line.carry_out(now, written);
+        let FaultyController {
+            controller, line, ..
+        } = &mut self.faulty;
+        let arrived = line.carry_out(now, written);
         if !arrived.is_empty() {
-            self.controller.receive(now, &arrived);
+            controller.receive(now, &arrived);
         }
-        let sent = self.controller.transmit(now);
-        let sent = self.line.carry_in(now, sent);
-        let due = [self.controller.next_event(), self.line.next_arrival()];
+        let sent = controller.transmit(now);
+        let sent = line.carry_in(now, sent);
+        let due = [controller.next_event(), line.next_arrival()];
         let due = due.into_iter().flatten().min();
         Some((sent, due.map_or(PAUSE, |due| due.since(now).min(PAUSE))))
     }
 
-    fn now(&self) -> Timestamp {
-        Timestamp::ZERO + self.started.elapsed()
-    }
-
     /// Ends the faults of the controller that are over. Returns the time.
     fn recover(&mut self) -> Timestamp {
-        let now = self.now();
-        if self.frozen_until.take_if(|until| *until <= now).is_some() {
-            self.controller.fault(now, Fault::Frozen(false));
-        }
-        if self.sags_until.take_if(|until| *until <= now).is_some() {
-            self.controller.fault(now, Fault::Sag(0.0));
-        }
+        let now = Timestamp::ZERO + self.started.elapsed();
+        self.faulty.recover(now);
         now
     }
 
     fn affect(&mut self, fault: ControllerFault, lasts: Option<Duration>) {
         let now = self.recover();
-        let until = now + lasts.unwrap_or(Duration::MAX);
-        match fault {
-            ControllerFault::Freeze => {
-                self.controller.fault(now, Fault::Frozen(true));
-                self.frozen_until = Some(until);
-            }
-            ControllerFault::ClosePort => self.closed_until = until,
-            ControllerFault::LoseBytes(share) => self.line.lose(share, until),
-            ControllerFault::CorruptBytes(share) => self.line.corrupt(share, until),
-            ControllerFault::DelayBytes(by) => self.line.delay(by, until),
-            ControllerFault::SagBattery(volts) => {
-                self.controller.fault(now, Fault::Sag(volts));
-                self.sags_until = Some(until);
-            }
-            // Its drone has no pilot: a scenario with pilots is refused.
-            ControllerFault::TakeOver => {}
-        }
+        self.faulty.affect(now, fault, lasts);
     }
 }
 

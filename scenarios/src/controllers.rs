@@ -5,7 +5,7 @@ use muster_machines::geometry::Ned;
 use muster_machines::msp::controller::Receiver;
 use muster_runtime::plan::{Plan, PoseSensor};
 
-pub use crate::world::{LOOK_EVERY, Line};
+pub use crate::world::{FaultyController, LOOK_EVERY};
 
 /// Capacity of a battery that is not to run empty, in mAh: the most that MSP can say.
 const CAPACITY_MAX_MAH: f64 = 60_000.0;

@@ -6,6 +6,7 @@
 pub mod autopilot;
 pub mod controller;
 mod introduction;
+mod silence;
 
 use std::time::Duration;
 
@@ -93,6 +94,20 @@ pub struct Telemetry {
     pub target: Option<Ned>,
     /// Battery charge, as a fraction of a full one.
     pub charge: f64,
+}
+
+/// Share of charge that is news.
+const CHARGE_STEP: f64 = 0.01;
+
+impl Telemetry {
+    /// Whether the navigation must know it at once. `last`: what it was told last.
+    fn is_news(&self, last: Option<Self>) -> bool {
+        last.is_none_or(|last| {
+            (last.armed, last.landing, last.at_rest) != (self.armed, self.landing, self.at_rest)
+                || last.position_lost_for.is_some() != self.position_lost_for.is_some()
+                || (last.charge - self.charge).abs() >= CHARGE_STEP
+        })
+    }
 }
 
 /// Input of a link.

@@ -18,44 +18,29 @@ const MOTORS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 9002);
 /// From one state to the next.
 const STEP: Duration = Duration::from_millis(1);
 
-/// Sockets to the firmware.
-#[derive(Debug)]
-pub(super) struct Sockets(UdpSocket);
-
-impl Sockets {
-    /// Opens them in this thread's network.
-    pub(super) fn open() -> io::Result<Self> {
-        let socket = UdpSocket::bind(MOTORS)?;
-        socket.set_nonblocking(true)?;
-        Ok(Self(socket))
-    }
+/// Opens the socket to the firmware in this thread's network.
+pub(super) fn open() -> io::Result<UdpSocket> {
+    let socket = UdpSocket::bind(MOTORS)?;
+    socket.set_nonblocking(true)?;
+    Ok(socket)
 }
 
-/// An aircraft that moves until it is dropped.
-pub(super) struct Moved {
-    pub(super) aircraft: Weak<Mutex<InLoop>>,
-    pub(super) started: Instant,
-    pub(super) sockets: Sockets,
-}
-
-impl Moved {
-    pub(super) fn run(self) {
-        // Without it a busy machine looks like a lost sensor.
-        let _ = raise_priority();
-        let socket = self.sockets.0;
-        let mut packet = [0; MOTORS_BYTES + 1];
-        let mut due = Instant::now();
-        while let Some(aircraft) = self.aircraft.upgrade() {
-            let now = Timestamp::ZERO + self.started.elapsed();
-            let mut aircraft = lock(&aircraft);
-            while let Ok(length) = socket.recv(&mut packet) {
-                aircraft.receive(now, &packet[..length]);
-            }
-            // A state that the firmware misses is followed by the next.
-            drop(socket.send_to(&aircraft.transmit(now), STATE));
-            drop(aircraft);
-            due = (due + STEP).max(Instant::now());
-            thread::sleep(due.saturating_duration_since(Instant::now()));
+/// Moves an aircraft until it is dropped.
+pub(super) fn run(aircraft: &Weak<Mutex<InLoop>>, started: Instant, socket: &UdpSocket) {
+    // Without it a busy machine looks like a lost sensor.
+    let _ = raise_priority();
+    let mut packet = [0; MOTORS_BYTES + 1];
+    let mut due = Instant::now();
+    while let Some(aircraft) = aircraft.upgrade() {
+        let now = Timestamp::ZERO + started.elapsed();
+        let mut aircraft = lock(&aircraft);
+        while let Ok(length) = socket.recv(&mut packet) {
+            aircraft.receive(now, &packet[..length]);
         }
+        // A state that the firmware misses is followed by the next.
+        drop(socket.send_to(&aircraft.transmit(now), STATE));
+        drop(aircraft);
+        due = (due + STEP).max(Instant::now());
+        thread::sleep(due.saturating_duration_since(Instant::now()));
     }
 }

@@ -4,7 +4,6 @@ use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
-use muster_machines::msp::controller::Receiver;
 use muster_msp::{Decode, Decoder, Message, Rc, SetRawRc, Sticks, Version, order, request};
 
 use super::MSP;
@@ -16,25 +15,20 @@ const TAKES_RC_WITHIN: Duration = Duration::from_secs(4);
 /// What ends an answer.
 const PROMPT: &[u8] = b"\r\n# ";
 
-/// The settings for a receiver: one command a line.
-fn settings(receiver: Receiver) -> impl Iterator<Item = &'static str> {
-    let own = match receiver {
-        Receiver::Sole => "",
-        Receiver::Override => include_str!("override.txt"),
-    };
-    let all = [include_str!("settings.txt"), own];
-    let lines = all.into_iter().flat_map(str::lines).map(str::trim);
+/// The settings: one command a line.
+fn settings() -> impl Iterator<Item = &'static str> {
+    let lines = include_str!("settings.txt").lines().map(str::trim);
     lines.filter(|line| !line.is_empty() && !line.starts_with('#'))
 }
 
 /// Sets the firmware up and saves that, which ends it.
-pub(super) fn set_up(receiver: Receiver) -> io::Result<()> {
+pub(super) fn set_up() -> io::Result<()> {
     let mut stream = connect()?;
     // Until its port has been served once it loses what it is told.
     std::thread::sleep(Duration::from_millis(300));
     stream.write_all(b"#")?;
     answer(&mut stream)?;
-    for line in settings(receiver) {
+    for line in settings() {
         stream.write_all(format!("{line}\n").as_bytes())?;
         let answer = answer(&mut stream)?;
         if answer.contains("###ERROR") || answer.contains("Invalid") {

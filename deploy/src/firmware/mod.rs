@@ -4,11 +4,10 @@
 mod body;
 mod configure;
 mod network;
-mod pilot;
 
 use std::fs::File;
 use std::io;
-use std::net::{Shutdown, SocketAddr, TcpListener, TcpStream};
+use std::net::{Shutdown, TcpListener, TcpStream};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,7 +16,6 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use muster_controller::{Config, InLoop, Truth};
-use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
 use tempfile::TempDir;
 
@@ -39,10 +37,8 @@ const PAUSE: Duration = Duration::from_millis(100);
 /// How a firmware is to run.
 #[derive(Debug, Clone)]
 pub struct Setup {
-    /// The program: Betaflight's software build.
+    /// The program: Betaflight's software build. MSP is its only receiver.
     pub program: PathBuf,
-    /// Who else commands it. With [`Receiver::Override`] a pilot arms it and gives MSP the sticks.
-    pub receiver: Receiver,
     /// Where its aircraft stands, and the errors of its sensors.
     pub config: Config,
     /// Draws these errors.
@@ -81,20 +77,14 @@ impl Firmware {
 
     fn try_start(setup: &Setup, folder: &Path) -> io::Result<(Child, Network)> {
         let (mut process, network) = launch(&setup.program, folder)?;
-        let configured = network.inside(|| configure::set_up(setup.receiver));
+        let configured = network.inside(configure::set_up);
         // Saved settings end the program; now and then it hangs instead, with its settings saved.
-        let ended = configured.is_ok() && ends(&mut process)?;
-        if !ended {
+        if configured.is_err() || !ends(&mut process)? {
             stop(&mut process);
-            process.wait()?;
         }
         configured?;
         let (mut process, network) = launch(&setup.program, folder)?;
-        let takes_rc = match setup.receiver {
-            Receiver::Sole => network.inside(configure::takes_rc),
-            Receiver::Override => Ok(()),
-        };
-        if let Err(error) = takes_rc {
+        if let Err(error) = network.inside(configure::takes_rc) {
             stop(&mut process);
             return Err(error);
         }
@@ -112,26 +102,16 @@ impl Firmware {
             is_over: Arc::new(AtomicBool::new(false)),
             _folder: folder,
         };
-        let sockets = firmware.network.inside(body::Sockets::open)?;
-        let moved = body::Moved {
-            aircraft: Arc::downgrade(&firmware.aircraft),
-            started,
-            sockets,
-        };
+        let socket = firmware.network.inside(body::open)?;
+        let aircraft = Arc::downgrade(&firmware.aircraft);
         let thread = thread::Builder::new().name("aircraft".to_owned());
-        thread.spawn(move || moved.run())?;
+        thread.spawn(move || body::run(&aircraft, started, &socket))?;
         if let Some(source) = setup.pose {
             let aircraft = Arc::downgrade(&firmware.aircraft);
             source.start(move || {
                 let now = Timestamp::ZERO + started.elapsed();
                 Some(lock(&*aircraft.upgrade()?).aircraft(now).position)
             })?;
-        }
-        if setup.receiver == Receiver::Override {
-            let radio = firmware.network.inside(pilot::Radio::open)?;
-            let is_over = Arc::clone(&firmware.is_over);
-            let thread = thread::Builder::new().name("pilot".to_owned());
-            thread.spawn(move || radio.run(&is_over))?;
         }
         Ok(firmware)
     }
@@ -170,8 +150,6 @@ impl Drop for Firmware {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
         stop(&mut self.process);
-        // It has been killed, so it ends.
-        drop(self.process.wait());
     }
 }
 
@@ -211,7 +189,6 @@ fn launch(program: &Path, folder: &Path) -> io::Result<(Child, Network)> {
     let network = listening(&mut process);
     if network.is_err() {
         stop(&mut process);
-        process.wait()?;
     }
     network.map(|network| (process, network))
 }
@@ -224,8 +201,7 @@ fn listening(process: &mut Child) -> io::Result<Network> {
         }
         let network = Network::of(process.id());
         let connected = network.and_then(|network| {
-            let address: SocketAddr = MSP.parse().expect("a valid address");
-            network.inside(|| TcpStream::connect_timeout(&address, PAUSE))?;
+            network.inside(|| TcpStream::connect(MSP))?;
             Ok(network)
         });
         match connected {
@@ -250,5 +226,6 @@ fn ends(process: &mut Child) -> io::Result<bool> {
 
 /// Ends a process that may have ended already.
 fn stop(process: &mut Child) {
-    drop(process.kill());
+    // Neither fails for a child of ours.
+    drop((process.kill(), process.wait()));
 }

@@ -11,7 +11,6 @@ use std::time::Duration;
 use muster_controller::Truth;
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
-use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
 use muster_port::raise_priority;
 use muster_runtime::plan::Plan;
@@ -89,7 +88,6 @@ impl Kind {
         if let Some(program) = firmware {
             let firmware = Firmware::start(Setup {
                 program: program.to_owned(),
-                receiver: Receiver::Sole,
                 config,
                 seed,
                 pose,

@@ -11,7 +11,7 @@ use muster_machines::time::Timestamp;
 use crate::aircraft::Aircraft;
 use crate::controller::{Config, STEP_NANOS, Truth};
 use crate::sensors::Sensors;
-use crate::wind::{Gusts, Wind};
+use crate::wind::Gusts;
 
 /// Length of a packet to the firmware, in bytes.
 pub const STATE_BYTES: usize = 18 * 8;
@@ -109,12 +109,6 @@ impl InLoop {
             *place = value.to_le_bytes();
         }
         packet
-    }
-
-    /// Sets the wind.
-    pub fn wind(&mut self, now: Timestamp, wind: Wind) {
-        self.advance(now);
-        self.aircraft.wind = wind;
     }
 
     /// The truth about the aircraft. It counts as armed while the firmware turns a motor; its failsafe can't be seen.

@@ -13,7 +13,7 @@ use muster_runtime::vehicle::VehicleKind;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-use super::line::Line;
+use super::faulty::FaultyController;
 use super::pilot::Pilot;
 use crate::checkers::{RcGaps, Violation};
 use crate::controllers::{config, pose_errors};
@@ -25,8 +25,7 @@ pub const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// One drone's controller and its port.
 #[derive(Debug)]
 struct Attached {
-    controller: Controller,
-    line: Line,
+    faulty: FaultyController,
     conversation: Conversation,
     decoder: Decoder,
     introduction: Introduction,
@@ -36,12 +35,6 @@ struct Attached {
     pose: Option<PoseSensor>,
     is_open: bool,
     is_identified: bool,
-    /// When the port can be opened again.
-    closed_until: Timestamp,
-    /// When the firmware goes on. `None` if it runs.
-    frozen_until: Option<Timestamp>,
-    /// When the battery's voltage is back. `None` if it is there.
-    sags_until: Option<Timestamp>,
     /// The newest answer of an armed controller.
     heard_at: Timestamp,
     /// The drone's process must stop RC until the controller disarms: its failsafe flies, or no answer came for too long.
@@ -99,18 +92,17 @@ impl Controllers {
                 let seed = sensors.next_u64();
                 let pose = plan.pose.map(pose_errors);
                 Attached {
-                    controller: Controller::new(config, seed, Timestamp::ZERO),
+                    faulty: FaultyController::new(
+                        Controller::new(config, seed, Timestamp::ZERO),
+                        lines.next_u64(),
+                    ),
                     pose: pose.map(|errors| PoseSensor::new(errors, seed, Timestamp::ZERO)),
-                    line: Line::new(lines.next_u64()),
                     conversation: Conversation::default(),
                     decoder: Decoder::default(),
                     introduction: Introduction::default(),
                     pilot: (plan.receiver == Receiver::Override).then(Pilot::default),
                     is_open: true,
                     is_identified: false,
-                    closed_until: Timestamp::ZERO,
-                    frozen_until: None,
-                    sags_until: None,
                     heard_at: Timestamp::ZERO,
                     is_lost: false,
                     looked_at: None,
@@ -142,13 +134,13 @@ impl Controllers {
     /// Whether a drone's controller is frozen.
     pub(super) fn is_frozen(&self, now: Timestamp, drone: NodeId) -> bool {
         let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
-        attached.is_some_and(|it| it.is_frozen(now))
+        attached.is_some_and(|it| it.faulty.is_frozen(now))
     }
 
     /// Whether a drone hears nothing from its controller, which is frozen or behind a closed port.
     pub(super) fn is_silent(&self, now: Timestamp, drone: NodeId) -> bool {
         let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
-        attached.is_some_and(|it| it.is_frozen(now) || now < it.closed_until)
+        attached.is_some_and(|it| it.faulty.is_frozen(now) || it.faulty.is_closed(now))
     }
 
     /// A drone's link gives its newest RC frame; `None` stops RC.
@@ -193,7 +185,7 @@ impl Controllers {
     /// Injects a fault.
     pub(super) fn fault(&mut self, now: Timestamp, drone: NodeId, fault: Fault) {
         if let Some(attached) = self.get(drone) {
-            attached.controller.fault(now, fault);
+            attached.faulty.controller.fault(now, fault);
         }
     }
 
@@ -208,26 +200,10 @@ impl Controllers {
         let Some(attached) = self.get(drone) else {
             return;
         };
-        let until = now + lasts.unwrap_or(Duration::MAX);
-        match fault {
-            ControllerFault::Freeze => {
-                attached.controller.fault(now, Fault::Frozen(true));
-                attached.frozen_until = Some(until);
-            }
-            ControllerFault::ClosePort => attached.closed_until = until,
-            ControllerFault::LoseBytes(share) => attached.line.lose(share, until),
-            ControllerFault::CorruptBytes(share) => attached.line.corrupt(share, until),
-            ControllerFault::DelayBytes(by) => attached.line.delay(by, until),
-            ControllerFault::SagBattery(volts) => {
-                attached.controller.fault(now, Fault::Sag(volts));
-                attached.sags_until = Some(until);
-            }
-            ControllerFault::TakeOver => {
-                if let Some(pilot) = &mut attached.pilot {
-                    pilot.take_over();
-                }
-            }
+        if let (ControllerFault::TakeOver, Some(pilot)) = (fault, &mut attached.pilot) {
+            pilot.take_over();
         }
+        attached.faulty.affect(now, fault, lasts);
     }
 
     /// A tick of a drone's port: reads what has come, writes one command. `tell` takes what its link is told. Returns the state
@@ -280,10 +256,6 @@ impl Controllers {
 }
 
 impl Attached {
-    fn is_frozen(&self, now: Timestamp) -> bool {
-        self.frozen_until.is_some_and(|until| now < until)
-    }
-
     /// Carries bytes both ways. Returns the state of the aircraft after it.
     fn exchange(
         &mut self,
@@ -291,9 +263,9 @@ impl Attached {
         state: PortState,
         mut tell: impl FnMut(PortEvent),
     ) -> Truth {
-        self.recover(now);
-        let sent = self.controller.transmit(now);
-        let received = self.line.carry_in(now, sent);
+        self.faulty.recover(now);
+        let sent = self.faulty.controller.transmit(now);
+        let received = self.faulty.line.carry_in(now, sent);
         let mut written = Vec::new();
         if state != PortState::Still {
             let mut events = Vec::new();
@@ -308,16 +280,16 @@ impl Attached {
             }
             self.measure_pose(now, &mut tell);
         }
-        let arrived = self.line.carry_out(now, written);
+        let arrived = self.faulty.line.carry_out(now, written);
         if !arrived.is_empty() {
-            self.controller.receive(now, &arrived);
+            self.faulty.controller.receive(now, &arrived);
         }
-        self.controller.aircraft(now)
+        self.faulty.controller.aircraft(now)
     }
 
     fn measure_pose(&mut self, now: Timestamp, tell: &mut impl FnMut(PortEvent)) {
         if let Some(sensor) = &mut self.pose {
-            let position = self.controller.aircraft(now).position;
+            let position = self.faulty.controller.aircraft(now).position;
             sensor.measure(now, position);
             while let Some(pose) = sensor.arrived(now) {
                 tell(PortEvent::Pose(pose));
@@ -329,7 +301,7 @@ impl Attached {
     fn fly_by_hand(&mut self, now: Timestamp, truth: &Truth) {
         let moved = self.pilot.as_mut().and_then(|it| it.moves(now, truth));
         if let Some(channels) = moved {
-            self.controller.pilot(now, Some(&channels));
+            self.faulty.controller.pilot(now, Some(&channels));
         }
     }
 
@@ -341,19 +313,9 @@ impl Attached {
         self.is_lost |= truth.is_failsafe || now.since(self.heard_at) >= LOST_AFTER;
     }
 
-    /// Ends the faults of the controller that are over.
-    fn recover(&mut self, now: Timestamp) {
-        if self.frozen_until.take_if(|until| *until <= now).is_some() {
-            self.controller.fault(now, Fault::Frozen(false));
-        }
-        if self.sags_until.take_if(|until| *until <= now).is_some() {
-            self.controller.fault(now, Fault::Sag(0.0));
-        }
-    }
-
     /// Notices that the port is closed, or opens it again.
     fn open_or_close(&mut self, now: Timestamp, events: &mut Vec<PortEvent>) {
-        let is_open = now >= self.closed_until;
+        let is_open = !self.faulty.is_closed(now);
         if is_open == self.is_open {
             return;
         }

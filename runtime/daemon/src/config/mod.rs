@@ -345,7 +345,7 @@ impl File {
         if let Some(pose) = &raw.pose
             && !(pose.get_ref().ip().is_loopback() && pose.get_ref().port() > 0)
         {
-            let message = "`pose` needs a loopback address and a fixed port: whoever reaches it says where the drone is";
+            let message = "`pose` needs a loopback address and a fixed port: who reaches it says where the drone is";
             return refuse(pose.span(), message);
         }
         Ok(Some(ControllerConfig {

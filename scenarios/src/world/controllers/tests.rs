@@ -118,7 +118,7 @@ impl Bench {
     fn sticks(&mut self) -> [[u16; 4]; 2] {
         let attached = self.attached();
         let pilots = attached.pilot.as_ref().expect("there is one").channels;
-        [attached.controller.channels(), pilots].map(|it| [it[0], it[1], it[2], it[3]])
+        [attached.faulty.controller.channels(), pilots].map(|it| [it[0], it[1], it[2], it[3]])
     }
 
     fn is_armed(&self) -> bool {

@@ -4,13 +4,12 @@ use std::time::Duration;
 
 use super::vocabulary::Mode;
 use crate::msp::controller::Taken;
+use crate::msp::silence::Silence;
 use crate::time::Timestamp;
 
 /// Time without a heartbeat after which the link to an armed autopilot is lost: four or five missed heartbeats
 /// (mavlink.io, *Heartbeat/Connection Protocol*).
 pub const LOST_AFTER: Duration = Duration::from_secs(4);
-/// A timer that is later than this was held up in this process: the autopilot's silence is not its fault.
-const LATE: Duration = Duration::from_millis(100);
 
 /// The newest heartbeat, and what was taken from the link.
 ///
@@ -19,8 +18,7 @@ const LATE: Duration = Duration::from_millis(100);
 pub(super) struct Contact {
     heard: Option<(bool, Mode)>,
     taken: Taken,
-    /// When the link is lost without a heartbeat. `None` if the autopilot is disarmed.
-    silent_at: Option<Timestamp>,
+    silence: Silence,
 }
 
 impl Contact {
@@ -29,7 +27,7 @@ impl Contact {
         Self {
             heard: None,
             taken,
-            silent_at: has_flown.then_some(now + LOST_AFTER),
+            silence: Silence::new(LOST_AFTER, has_flown, now),
         }
     }
 
@@ -68,7 +66,7 @@ impl Contact {
     ) -> bool {
         let before = (self.heard, self.taken);
         self.heard = Some((armed, mode));
-        self.silent_at = armed.then_some(now + LOST_AFTER);
+        self.silence.watch(now, armed);
         self.taken.by_failsafe &= armed;
         self.taken.by_pilot |= armed && has_flown && mode == Mode::Other;
         before != (self.heard, self.taken)
@@ -76,16 +74,12 @@ impl Contact {
 
     /// When to call [`Self::handle_timeout`].
     pub(super) const fn deadline(&self) -> Option<Timestamp> {
-        self.silent_at
+        self.silence.deadline()
     }
 
     /// Returns whether the link has just been lost.
     pub(super) fn handle_timeout(&mut self, now: Timestamp) -> bool {
-        let Some(at) = self.silent_at.filter(|at| *at <= now) else {
-            return false;
-        };
-        let is_lost = now.since(at) <= LATE;
-        self.silent_at = (!is_lost).then_some(now + LOST_AFTER);
+        let is_lost = self.silence.handle_timeout(now);
         self.taken.by_failsafe |= is_lost;
         is_lost
     }

@@ -25,8 +25,6 @@ const TARGET_PERIOD: Duration = Duration::from_millis(200);
 const PERIOD: Duration = Duration::from_secs(1);
 /// Braking before the first setpoint, in m/s².
 const BRAKING_MPS2: f64 = 1.0;
-/// Share of charge that is news.
-const CHARGE_STEP: f64 = 0.01;
 
 /// Configuration of a link to an autopilot.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -263,14 +261,7 @@ impl AutopilotLink {
 
     /// Reports what the navigation must know at once.
     fn report_news(&mut self, now: Timestamp) {
-        let telemetry = self.telemetry(now);
-        let is_news = self.last.is_none_or(|last| {
-            (last.armed, last.landing, last.at_rest)
-                != (telemetry.armed, telemetry.landing, telemetry.at_rest)
-                || last.position_lost_for.is_some() != telemetry.position_lost_for.is_some()
-                || (last.charge - telemetry.charge).abs() >= CHARGE_STEP
-        });
-        if is_news {
+        if self.telemetry(now).is_news(self.last) {
             self.report(now);
         }
     }

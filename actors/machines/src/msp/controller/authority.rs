@@ -6,13 +6,12 @@ use serde::{Deserialize, Serialize};
 
 use super::config::Receiver;
 use super::reports::Reported;
+use crate::msp::silence::Silence;
 use crate::time::Timestamp;
 
 /// Time without an answer after which a link to an armed controller is lost. A controller that hears nothing for its failsafe
 /// delay, 1 s or more, comes down by itself.
 pub const LOST_AFTER: Duration = Duration::from_secs(1);
-/// A timer that is later than this was held up in this process: the controller's silence is not its fault.
-const LATE: Duration = Duration::from_millis(100);
 
 /// What was taken from a link, as its checkpoint keeps it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
@@ -33,8 +32,7 @@ pub(super) struct Authority {
     taken: Taken,
     /// MSP had the sticks.
     was_overridden: bool,
-    /// When the link is lost if the controller tells nothing. `None` if it is disarmed.
-    silent_at: Option<Timestamp>,
+    silence: Silence,
 }
 
 impl Authority {
@@ -44,7 +42,7 @@ impl Authority {
             receiver,
             taken,
             was_overridden: false,
-            silent_at: has_flown.then_some(now + LOST_AFTER),
+            silence: Silence::new(LOST_AFTER, has_flown, now),
         }
     }
 
@@ -64,7 +62,7 @@ impl Authority {
 
     /// The controller told something.
     pub(super) fn heard(&mut self, now: Timestamp) {
-        self.silent_at = self.silent_at.map(|_| now + LOST_AFTER);
+        self.silence.heard(now);
     }
 
     /// The controller's report is believed.
@@ -74,22 +72,18 @@ impl Authority {
             self.taken.by_pilot |= self.was_overridden && !is_overridden && reported.armed;
             self.was_overridden = is_overridden;
         }
-        self.silent_at = reported.armed.then_some(now + LOST_AFTER);
+        self.silence.watch(now, reported.armed);
         self.taken.by_failsafe = reported.armed && (self.taken.by_failsafe || reported.failsafe);
     }
 
     /// When to call [`Self::handle_timeout`].
     pub(super) const fn deadline(&self) -> Option<Timestamp> {
-        self.silent_at
+        self.silence.deadline()
     }
 
     /// Returns whether the link has just been lost: the controller was silent for too long.
     pub(super) fn handle_timeout(&mut self, now: Timestamp) -> bool {
-        let Some(at) = self.silent_at.filter(|at| *at <= now) else {
-            return false;
-        };
-        let is_lost = now.since(at) <= LATE;
-        self.silent_at = (!is_lost).then_some(now + LOST_AFTER);
+        let is_lost = self.silence.handle_timeout(now);
         self.taken.by_failsafe |= is_lost;
         is_lost
     }

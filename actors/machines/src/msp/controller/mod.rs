@@ -46,8 +46,6 @@ const PRESSED_MPS2: f64 = 2.0;
 const LIFTED_M: f64 = 0.5;
 /// As above.
 const LIFTED_MPS: f64 = 0.3;
-/// Share of charge that is news.
-const CHARGE_STEP: f64 = 0.01;
 /// Value of the switch of the mode ANGLE: always on.
 const ANGLE: Channel = Channel::HIGH;
 /// `ARM_SWITCH` is the last of the reasons not to arm.
@@ -470,19 +468,8 @@ impl ControllerLink {
 
     /// Reports what the navigation must know at once.
     fn report_news(&mut self, now: Timestamp) {
-        if !self.can_report() {
-            return;
-        }
-        let telemetry = self.telemetry(now);
-        let is_news = self.last.is_none_or(|last| {
-            (last.armed, last.landing, last.at_rest)
-                != (telemetry.armed, telemetry.landing, telemetry.at_rest)
-                || last.position_lost_for.is_some() != telemetry.position_lost_for.is_some()
-                || (last.charge - telemetry.charge).abs() >= CHARGE_STEP
-        });
-        if is_news {
-            self.last = Some(telemetry);
-            self.outbox.transmit(Transmit::Telemetry(telemetry));
+        if self.telemetry(now).is_news(self.last) {
+            self.report(now);
         }
     }
 
