@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::airframe::Airframe;
 use crate::battery::Battery;
-use crate::body::Body;
+use crate::body::{Body, ROTORS};
 use crate::ground::{Contact, Landing};
 use crate::wind::{Gusts, Wind};
 
@@ -91,7 +91,7 @@ impl Aircraft {
     pub(crate) fn step(&mut self, step: u64, duties: &[f64; 4]) {
         let is_wreck = self.contact == Contact::Wreck;
         let duties = if is_wreck { &[0.0; 4] } else { duties };
-        let motors_a = self.turn_rotors(duties);
+        let (motors_a, reaction_nm) = self.turn_rotors(duties);
         self.battery.draw(motors_a, 1, STEP_S);
         if step.is_multiple_of(WIND_STEPS) {
             let airspeed_mps = (self.body.velocity - self.air).norm();
@@ -101,7 +101,7 @@ impl Aircraft {
         }
         let before = self.body.velocity;
         self.body
-            .integrate(&self.airframe, &self.speeds, self.air, STEP_S);
+            .integrate(&self.airframe, &self.speeds, reaction_nm, self.air, STEP_S);
         let contact = self
             .landing
             .contact(&mut self.body, before, self.ground_down_m, STEP_S);
@@ -114,19 +114,21 @@ impl Aircraft {
         }
     }
 
-    /// Yields the motors' current, in amperes.
-    fn turn_rotors(&mut self, duties: &[f64; 4]) -> f64 {
+    /// Yields the motors' current, in amperes, and what changes of speed turn the body with about its axis down, in N·m.
+    fn turn_rotors(&mut self, duties: &[f64; 4]) -> (f64, f64) {
         let motor = self.airframe.motor;
         let volts = self.battery.volts();
-        let mut motors_a = 0.0;
-        for (speed, &duty) in self.speeds.iter_mut().zip(duties) {
+        let (mut motors_a, mut change_rad_s) = (0.0, 0.0);
+        for ((speed, &duty), [_, _, turn]) in self.speeds.iter_mut().zip(duties).zip(&ROTORS) {
+            let before = *speed;
             let goal = motor.steady_speed_rad_s(duty, volts);
             *speed += (goal - *speed) * self.lag_share;
             if duty <= 0.0 && *speed < ROTOR_STILL_RAD_S {
                 *speed = 0.0;
             }
             motors_a += motor.battery_a(*speed, duty);
+            change_rad_s += turn * (*speed - before);
         }
-        motors_a
+        (motors_a, motor.inertia_kgm2 * change_rad_s / STEP_S)
     }
 }

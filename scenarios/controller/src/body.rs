@@ -40,7 +40,8 @@ impl Body {
         }
     }
 
-    /// Moves on by `step_s` seconds under thrust, drag and gravity.
+    /// Moves on by `step_s` seconds under thrust, drag and gravity. `reaction_nm` is the torque about the axis down of rotors
+    /// that change their speed.
     ///
     /// Acceleration is constant in a step, so position is exact for it; rates take a step of the explicit Euler method.
     #[inline]
@@ -48,6 +49,7 @@ impl Body {
         &mut self,
         airframe: &Airframe,
         speeds_rad_s: &[f64; 4],
+        reaction_nm: f64,
         wind: Vector3<f64>,
         step_s: f64,
     ) {
@@ -66,7 +68,8 @@ impl Body {
 
         let inertia = airframe.inertia_kgm2;
         let momentum = inertia.component_mul(&self.rates);
-        let torque = torque_nm(airframe, &thrusts_n) - self.rates.cross(&momentum);
+        let mut torque = torque_nm(airframe, &thrusts_n) - self.rates.cross(&momentum);
+        torque.z += reaction_nm;
         self.rates += torque.component_div(&inertia) * step_s;
         let half = self.rates * (0.5 * step_s);
         let turn = UnitQuaternion::new_normalize(Quaternion::from_parts(1.0, half));
@@ -126,7 +129,7 @@ mod tests {
 
     fn flown(steps: u32, mut body: Body, speeds: [f64; 4]) -> Body {
         for _ in 0..steps {
-            body.integrate(&Airframe::agilicious(), &speeds, Vector3::zeros(), STEP_S);
+            body.integrate(&Airframe::agilicious(), &speeds, 0.0, Vector3::zeros(), STEP_S);
         }
         body
     }
@@ -143,7 +146,7 @@ mod tests {
         };
         let mut body = high();
         for _ in 0..2_000 {
-            body.integrate(&airframe, &[0.0; 4], Vector3::zeros(), STEP_S);
+            body.integrate(&airframe, &[0.0; 4], 0.0, Vector3::zeros(), STEP_S);
         }
         assert!((body.position.z - (-100.0 + 2.0 * GRAVITY_MPS2)).abs() < 1e-9);
 
@@ -197,7 +200,7 @@ mod tests {
                 let phase = 20.0 * f64::from(step) * step_s;
                 let more = 30.0 * libm::sin(phase);
                 let speeds = [1_090.0 + more, 1_090.0, 1_085.0 - more, 1_095.0];
-                body.integrate(&Airframe::agilicious(), &speeds, Vector3::zeros(), step_s);
+                body.integrate(&Airframe::agilicious(), &speeds, 0.0, Vector3::zeros(), step_s);
             }
             body
         };
@@ -229,7 +232,7 @@ mod tests {
         let mut body = high();
         let wind = Vector3::new(0.0, 4.0, 0.0);
         for _ in 0..30_000 {
-            body.integrate(&airframe, &[airframe.hover_speed_rad_s(); 4], wind, STEP_S);
+            body.integrate(&airframe, &[airframe.hover_speed_rad_s(); 4], 0.0, wind, STEP_S);
         }
         assert!((body.velocity - wind).norm() < 0.05, "{}", body.velocity);
     }

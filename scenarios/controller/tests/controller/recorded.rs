@@ -31,6 +31,7 @@ fn body() -> Airframe {
             full_speed_rad_s,
             full_v,
             lag_s: 0.02,
+            inertia_kgm2: 0.0,
         },
         battery: Pack {
             cells: 4,
