@@ -129,7 +129,13 @@ mod tests {
 
     fn flown(steps: u32, mut body: Body, speeds: [f64; 4]) -> Body {
         for _ in 0..steps {
-            body.integrate(&Airframe::agilicious(), &speeds, 0.0, Vector3::zeros(), STEP_S);
+            body.integrate(
+                &Airframe::agilicious(),
+                &speeds,
+                0.0,
+                Vector3::zeros(),
+                STEP_S,
+            );
         }
         body
     }
@@ -200,7 +206,13 @@ mod tests {
                 let phase = 20.0 * f64::from(step) * step_s;
                 let more = 30.0 * libm::sin(phase);
                 let speeds = [1_090.0 + more, 1_090.0, 1_085.0 - more, 1_095.0];
-                body.integrate(&Airframe::agilicious(), &speeds, 0.0, Vector3::zeros(), step_s);
+                body.integrate(
+                    &Airframe::agilicious(),
+                    &speeds,
+                    0.0,
+                    Vector3::zeros(),
+                    step_s,
+                );
             }
             body
         };
@@ -232,7 +244,13 @@ mod tests {
         let mut body = high();
         let wind = Vector3::new(0.0, 4.0, 0.0);
         for _ in 0..30_000 {
-            body.integrate(&airframe, &[airframe.hover_speed_rad_s(); 4], 0.0, wind, STEP_S);
+            body.integrate(
+                &airframe,
+                &[airframe.hover_speed_rad_s(); 4],
+                0.0,
+                wind,
+                STEP_S,
+            );
         }
         assert!((body.velocity - wind).norm() < 0.05, "{}", body.velocity);
     }
