@@ -78,7 +78,7 @@ impl Kind {
     ) -> io::Result<Self> {
         let plan = &scenario.plan;
         let seed = scenario.seed.wrapping_add(id.0.into());
-        let config = config(plan, place);
+        let config = config(scenario, place);
         let sensor = plan.pose.zip(port.pose);
         let pose = sensor.map(|(sensor, to)| PoseSource {
             errors: pose_errors(sensor),

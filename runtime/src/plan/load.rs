@@ -152,6 +152,7 @@ fn pose(source: &Source, raw: &Raw) -> Result<Option<PoseSensor>, BadInput> {
         sigma_m: pose.sigma_m.0,
         period: Duration::from_millis(pose.period_ms.0),
         delay: Duration::from_millis(pose.delay_ms.0),
+        outliers: pose.outliers.0,
     }))
 }
 

@@ -110,6 +110,8 @@ pub struct PoseSensor {
     pub period: Duration,
     /// From a measurement to its arrival.
     pub delay: Duration,
+    /// Share of measurements that are wrong by metres.
+    pub outliers: f64,
 }
 
 impl Plan {

@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use crate::airframe::Airframe;
 use crate::battery::Battery;
 use crate::body::{Body, ROTORS};
+use crate::controller::Config;
 use crate::ground::{Contact, Landing};
 use crate::wind::{Gusts, Wind};
 
@@ -37,22 +38,17 @@ pub(crate) struct Aircraft {
 
 impl Aircraft {
     /// At rest on the ground.
-    pub(crate) fn new(
-        airframe: Airframe,
-        landing: Landing,
-        place: Vector3<f64>,
-        heading_rad: f64,
-        gusts: Gusts,
-    ) -> Self {
+    pub(crate) fn new(config: &Config, gusts: Gusts) -> Self {
+        let (airframe, place) = (config.airframe, config.place.0);
         Self {
             airframe,
-            landing,
+            landing: config.landing,
             ground_down_m: place.z,
-            body: Body::at_rest(place, heading_rad),
+            body: Body::at_rest(place, config.heading_rad),
             speeds: [0.0; 4],
             battery: Battery::new(airframe.battery),
             contact: Contact::Ground,
-            wind: Wind::default(),
+            wind: config.wind,
             gusts,
             air: Vector3::zeros(),
             lag_share: 1.0 - libm::exp(-STEP_S / airframe.motor.lag_s),

@@ -36,6 +36,8 @@ pub struct Config {
     pub heading_rad: f64,
     /// Aircraft.
     pub airframe: Airframe,
+    /// The air around it.
+    pub wind: Wind,
     /// What it survives on the ground.
     pub landing: Landing,
     /// Errors of its sensors.
@@ -53,6 +55,7 @@ impl Config {
             place: Ned::HOME,
             heading_rad: 0.0,
             airframe: Airframe::agilicious(),
+            wind: Wind::default(),
             landing: Landing::default(),
             noise: SensorNoise::default(),
             settings,
@@ -148,13 +151,7 @@ impl Controller {
     #[must_use]
     pub fn new(config: Config, seed: u64, now: Timestamp) -> Self {
         let place = config.place.0;
-        let aircraft = Aircraft::new(
-            config.airframe,
-            config.landing,
-            place,
-            config.heading_rad,
-            Gusts::new(seed, 0),
-        );
+        let aircraft = Aircraft::new(&config, Gusts::new(seed, 0));
         let mut controller = Self {
             aircraft,
             sensors: Sensors::new(config.noise, seed, place),

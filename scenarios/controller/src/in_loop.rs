@@ -43,13 +43,7 @@ impl InLoop {
     pub fn new(config: Config, seed: u64, now: Timestamp) -> Self {
         let place = config.place.0;
         Self {
-            aircraft: Aircraft::new(
-                config.airframe,
-                config.landing,
-                place,
-                config.heading_rad,
-                Gusts::new(seed, 0),
-            ),
+            aircraft: Aircraft::new(&config, Gusts::new(seed, 0)),
             sensors: Sensors::new(config.noise, seed, place),
             config,
             start: now,

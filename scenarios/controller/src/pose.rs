@@ -7,6 +7,8 @@ use muster_machines::geometry::Ned;
 use muster_machines::msp::Pose;
 use muster_machines::time::Timestamp;
 use nalgebra::Vector3;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 use crate::noise::Noise;
 
@@ -19,15 +21,22 @@ pub struct PoseErrors {
     pub period: Duration,
     /// From a measurement to its arrival.
     pub delay: Duration,
+    /// Share of measurements that are wrong by up to 5 m on each axis.
+    pub outliers: f64,
 }
+
+/// Most that an outlier is wrong by on each axis, in metres.
+const OUTLIER_MAX_M: f64 = 5.0;
 
 /// A pose sensor: motion capture, beacons.
 #[derive(Debug, Clone)]
 pub struct PoseSensor {
     errors: PoseErrors,
     noise: Noise<3>,
+    outliers: ChaCha8Rng,
     number: u64,
     due: Timestamp,
+    is_lost: bool,
     /// Measured, and not arrived yet; oldest first.
     waiting: VecDeque<(Timestamp, Ned)>,
 }
@@ -39,8 +48,10 @@ impl PoseSensor {
         Self {
             errors,
             noise: Noise::new(seed, 9),
+            outliers: outliers(seed),
             number: 0,
             due: now,
+            is_lost: false,
             waiting: VecDeque::new(),
         }
     }
@@ -52,12 +63,25 @@ impl PoseSensor {
         arrival.map_or(self.due, |arrival| arrival.min(self.due))
     }
 
+    /// Whether it measures nothing from now on.
+    pub const fn lose(&mut self, is_lost: bool) {
+        self.is_lost = is_lost;
+    }
+
     /// Measures an aircraft's position, if that is due.
     pub fn measure(&mut self, now: Timestamp, position: Ned) {
         if now < self.due {
             return;
         }
-        let error = Vector3::from(self.noise.at(self.number)) * self.errors.sigma_m;
+        if self.is_lost {
+            self.due = now + self.errors.period;
+            return;
+        }
+        let mut error = Vector3::from(self.noise.at(self.number)) * self.errors.sigma_m;
+        if self.outliers.random_bool(self.errors.outliers) {
+            let by = -OUTLIER_MAX_M..=OUTLIER_MAX_M;
+            error = Vector3::from_fn(|_, _| self.outliers.random_range(by.clone()));
+        }
         self.number += 1;
         self.waiting.push_back((now, Ned(position.0 + error)));
         // A sensor that was not asked in time leaves measurements out.
@@ -80,6 +104,12 @@ impl PoseSensor {
     }
 }
 
+fn outliers(seed: u64) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(10);
+    rng
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -94,6 +124,7 @@ mod tests {
             sigma_m: 0.05,
             period: Duration::from_millis(100),
             delay: Duration::from_millis(90),
+            outliers: 0.0,
         };
         let mut sensor = PoseSensor::new(errors, 3, at(0));
         let place = Ned::new(4.0, -2.0, -1.5);

@@ -8,12 +8,14 @@ use muster_runtime::diagnostic::BadInput;
 use muster_runtime::plan::file::{Override, Source};
 use muster_runtime::plan::raw::{self, MediumName, ModelName, Raw};
 use muster_runtime::plan::{build_plan, to_usize};
+use muster_runtime::vehicle::VehicleKind;
 use muster_transport::sim::{self, Access, Bursts, Propagation};
 
 use super::exposure::check_followers;
 use super::faults::faults;
 use super::shipped::{self, scenario_file, shown};
 use super::{Chaos, Scenario, Variation};
+use crate::controllers::Aircraft;
 
 /// Reads a scenario and its mission; `overrides` replace fields of the file. A name without a folder and a dot is that of a
 /// shipped scenario.
@@ -129,6 +131,7 @@ fn alone(
         seed: raw.seed.get_ref().0,
         plan,
         radio: radio(source, raw)?,
+        aircraft: aircraft(source, raw)?,
         faults,
         chaos: chaos(source, raw)?,
         unchecked: false,
@@ -136,6 +139,17 @@ fn alone(
     };
     check_followers(source, raw, &scenario)?;
     Ok(scenario)
+}
+
+fn aircraft(source: &Source, raw: &Raw) -> Result<Aircraft, BadInput> {
+    let Some(aircraft) = &raw.aircraft else {
+        return Ok(Aircraft::default());
+    };
+    if VehicleKind::from(raw.vehicle.kind) != VehicleKind::Msp {
+        let message = "only a `vehicle.kind = \"msp\"` has such an aircraft";
+        return Err(source.error(aircraft.span(), message));
+    }
+    Ok(aircraft.get_ref().into())
 }
 
 /// What a search may choose.

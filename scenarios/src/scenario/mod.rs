@@ -28,6 +28,8 @@ pub use muster_runtime::plan::{describe_fence, mission_file};
 pub use settling::Settling;
 pub use shipped::{Shipped, is_shipped, mission_path, read, scenario_file, shipped};
 pub use variation::Variation;
+
+use crate::controllers::Aircraft;
 pub use written::side_by_side;
 pub(crate) use written::written;
 
@@ -44,6 +46,8 @@ pub struct Scenario {
     pub plan: Plan,
     /// The radio model.
     pub radio: sim::Config,
+    /// The aircraft of simulated flight controllers.
+    pub aircraft: Aircraft,
     /// The fault plan.
     pub faults: Vec<Fault>,
     /// What `muster chaos` may choose.

@@ -8,7 +8,6 @@ use muster_machines::msp::controller::{LOST_AFTER, Receiver, Stage};
 use muster_machines::msp::{Introduction, PortEvent};
 use muster_machines::time::Timestamp;
 use muster_msp::{Conversation, Decoder, Direction, Frame, Message, SetRawRc, Write};
-use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -17,7 +16,7 @@ use super::faulty::FaultyController;
 use super::pilot::Pilot;
 use crate::checkers::{RcGaps, Violation};
 use crate::controllers::{config, pose_errors};
-use crate::scenario::ControllerFault;
+use crate::scenario::{ControllerFault, Scenario};
 
 /// Interval at which the world looks at an aircraft in flight: meanwhile it strays by centimetres from a constant velocity.
 pub const LOOK_EVERY: Duration = Duration::from_millis(100);
@@ -82,13 +81,19 @@ pub(super) enum PortState {
 pub(super) struct Controllers(Vec<Option<Attached>>);
 
 impl Controllers {
-    /// The next drones are those of a plan. `sensors` and `lines` draw the seeds of their sensors and of their lines' faults.
-    pub(super) fn extend(&mut self, plan: &Plan, sensors: &mut ChaCha8Rng, lines: &mut ChaCha8Rng) {
+    /// The next drones are those of a scenario. `sensors` and `lines` draw the seeds of their sensors and of their lines' faults.
+    pub(super) fn extend(
+        &mut self,
+        scenario: &Scenario,
+        sensors: &mut ChaCha8Rng,
+        lines: &mut ChaCha8Rng,
+    ) {
+        let plan = &scenario.plan;
         for (place, id) in plan.start_positions().zip(0..) {
             let has_controller =
                 plan.vehicle_kind == VehicleKind::Msp && id < plan.layout.formation().drones();
             self.0.push(has_controller.then(|| {
-                let config = config(plan, place);
+                let config = config(scenario, place);
                 let seed = sensors.next_u64();
                 let pose = plan.pose.map(pose_errors);
                 Attached {
@@ -179,6 +184,16 @@ impl Controllers {
     pub(super) fn show_pilot(&mut self, drone: NodeId, is_to_take_off: bool) {
         if let Some(pilot) = self.get(drone).and_then(|it| it.pilot.as_mut()) {
             pilot.is_to_take_off = is_to_take_off;
+        }
+    }
+
+    /// Loses what tells where a drone is, its GPS or its pose sensor, or finds it again.
+    pub(super) fn lose_position(&mut self, now: Timestamp, drone: NodeId, is_lost: bool) {
+        if let Some(attached) = self.get(drone) {
+            attached.faulty.controller.fault(now, Fault::NoFix(is_lost));
+            if let Some(pose) = &mut attached.pose {
+                pose.lose(is_lost);
+            }
         }
     }
 

@@ -120,7 +120,7 @@ impl Scene {
             Event::PositionFound(drone) => {
                 self.airspace.recover_position(core, drone);
                 if self.airspace.vehicle(drone).has_position() {
-                    (self.controllers).fault(core.now(), drone, Fault::NoFix(false));
+                    (self.controllers).lose_position(core.now(), drone, false);
                 }
             }
             Event::Process(drone, event) => return self.handle_process(drone, event),
@@ -376,7 +376,7 @@ impl Scene {
             }
             DroneFault::LoseGps => {
                 self.airspace.lose_position(core, drone, lasts);
-                (self.controllers).fault(core.now(), drone, Fault::NoFix(true));
+                (self.controllers).lose_position(core.now(), drone, true);
             }
             DroneFault::Replay => self.air.replay(core, drone),
             DroneFault::Forge => self.air.forge(core, drone),

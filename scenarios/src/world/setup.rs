@@ -59,7 +59,7 @@ pub(super) fn scene(scenario: &Scenario) -> Scene {
                 .with_endurance(swarm.plan.endurance)
                 .with_home(joins.home)
         }));
-        controllers.extend(&swarm.plan, &mut sensors, &mut lines);
+        controllers.extend(swarm, &mut sensors, &mut lines);
         swarms.push(began);
         nodes += swarm.plan.nodes();
     }

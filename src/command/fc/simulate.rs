@@ -75,7 +75,8 @@ fn configure(arguments: &Arguments) -> Result<Config, BadInput> {
         let place = Geodetic::new(latitude, longitude, altitude_m).expect("a place on the Earth");
         return Ok(Config::new(place, Settings::fit()));
     };
-    let plan = scenario::load(path, &[])?.plan;
+    let scenario = scenario::load(path, &[])?;
+    let plan = &scenario.plan;
     let drones = plan.layout.formation().drones();
     let mut places = (0..drones).zip(plan.start_positions());
     let Some((_, place)) = places.find(|(id, _)| *id == drone) else {
@@ -83,7 +84,7 @@ fn configure(arguments: &Arguments) -> Result<Config, BadInput> {
         let help = format!("its drones have the numbers 0 to {}", drones - 1);
         return Err(BadInput::without_excerpt(path, message, help));
     };
-    Ok(controllers::config(&plan, place))
+    Ok(controllers::config(&scenario, place))
 }
 
 fn listen(server: &Server, address: SocketAddr) -> io::Result<()> {

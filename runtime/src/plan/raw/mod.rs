@@ -27,8 +27,8 @@ pub use self::names::{
     SuccessionName, VehicleKindName,
 };
 pub use self::numbers::{
-    Heading, Height, Length, Microseconds, Milliseconds, Offset, PartsPerMillion, Rate, Seconds,
-    SecondsFrom0, Seed, Shape, Share, Sigma, Velocity, Volts, Whole,
+    Gusts, Heading, Height, Length, Microseconds, Milliseconds, Offset, PartsPerMillion, Payload,
+    Rate, Seconds, SecondsFrom0, Seed, Shape, Share, Sigma, Velocity, Volts, Wear, Whole, Wind,
 };
 pub(super) use self::reference::reference;
 use crate::schema::{Located, Or};
@@ -52,6 +52,7 @@ pub struct Raw {
     pub agent: Option<Located<Agent>>,
     #[serde(default)]
     pub vehicle: Vehicle,
+    pub aircraft: Option<Located<Aircraft>>,
     #[serde(default)]
     pub failsafe: Failsafe,
     #[serde(default)]
@@ -436,6 +437,30 @@ pub struct PoseSensor {
     /// From a measurement to its arrival.
     #[serde(default)]
     pub delay_ms: Or<Whole<0, 500>, 100>,
+    /// Share of measurements that are wrong by up to 5 m on each axis.
+    #[serde(default)]
+    pub outliers: Or<Share, 0>,
+}
+
+/// The aircraft of simulated flight controllers, and the air that they fly in. Only with `vehicle.kind = "msp"`.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, expecting = "a table, `[aircraft]`")]
+pub struct Aircraft {
+    /// Mass in addition to the aircraft's 0.752 kg.
+    #[serde(default)]
+    pub payload_kg: Or<Payload, 0>,
+    /// Share of a new battery's capacity that is lost; its internal resistance rises as much.
+    #[serde(default)]
+    pub battery_wear: Or<Wear, 0>,
+    /// Mean wind to the north.
+    #[serde(default)]
+    pub wind_north_mps: Or<Wind, 0>,
+    /// Mean wind to the east.
+    #[serde(default)]
+    pub wind_east_mps: Or<Wind, 0>,
+    /// Standard deviation of gusts on each axis.
+    #[serde(default)]
+    pub gusts_mps: Or<Gusts, 0>,
 }
 
 /// When a drone gives up its flight.

@@ -68,6 +68,10 @@ number!(Share, "a share", 0.0, 1.0);
 number!(Sigma, "a standard deviation", 0.001, 100.0);
 number!(Volts, "a voltage", 0.01, 100.0);
 number!(Heading, "an angle", -360.0, 360.0);
+number!(Payload, "a mass", 0.0, 1.0);
+number!(Wear, "a share", 0.0, 0.9);
+number!(Wind, "a wind speed", -20.0, 20.0);
+number!(Gusts, "a standard deviation", 0.0, 10.0);
 
 /// Milliseconds: at least one, at most an hour.
 pub type Milliseconds = Whole<1, 3_600_000>;

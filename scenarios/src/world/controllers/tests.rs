@@ -31,10 +31,11 @@ impl Bench {
     fn new(receiver: &str, seed: u64) -> Self {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("chaos-controllers.toml");
         let receiver: Override = format!("vehicle.receiver={receiver}").parse().unwrap();
-        let plan = load(&path, &[receiver]).unwrap().plan;
+        let scenario = load(&path, &[receiver]).unwrap();
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut controllers = Controllers::default();
-        controllers.extend(&plan, &mut rng.clone(), &mut rng);
+        controllers.extend(&scenario, &mut rng.clone(), &mut rng);
+        let plan = &scenario.plan;
         let link = plan.link(VehicleKind::Msp, Stage::Sim, plan.receiver);
         Self {
             controllers,
