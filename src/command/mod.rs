@@ -10,6 +10,7 @@ mod folder;
 mod keys;
 mod list;
 mod new;
+mod overrides;
 mod recordings;
 mod schema;
 mod sim;

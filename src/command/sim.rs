@@ -5,8 +5,9 @@ use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
 use muster_scenarios::engine::{self, Engine, Watcher};
 use muster_scenarios::report::{self, Report, ReportFiles};
-use muster_scenarios::scenario::{self, Override};
+use muster_scenarios::scenario;
 
+use super::overrides::Overrides;
 use super::recordings::Recordings;
 use super::{Failure, Outcome, folder, terminal};
 
@@ -25,15 +26,11 @@ pub(crate) struct Arguments {
     /// A scenario file, or the name of a shipped scenario (`muster list`).
     #[arg(value_name = "SCENARIO")]
     scenario: PathBuf,
-    /// Random seed; overrides the scenario's.
-    #[arg(long, value_name = "N", allow_hyphen_values = true)]
-    seed: Option<String>,
     /// Engine that runs the drones; both give the same flight.
     #[arg(long, value_enum, default_value_t = EngineName::Actors)]
     engine: EngineName,
-    /// Set a field of the scenario, for example radio.range_m=250; may be repeated. A path starts at the current folder.
-    #[arg(long = "set", value_name = "KEY=VALUE")]
-    overrides: Vec<Override>,
+    #[command(flatten)]
+    overrides: Overrides,
     /// Skip the safety rules, to measure the cost of the simulation alone.
     #[arg(long)]
     unchecked: bool,
@@ -66,9 +63,7 @@ impl From<EngineName> for Engine {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let mut overrides = arguments.overrides.clone();
-    overrides.extend(arguments.seed.as_deref().map(Override::seed));
-    let mut scenario = scenario::load(&arguments.scenario, &overrides)?;
+    let mut scenario = scenario::load(&arguments.scenario, &arguments.overrides.all())?;
     scenario.unchecked = arguments.unchecked;
     let default = folder::default_for(Path::new(&scenario.name), scenario.seed);
     folder::check_writable(arguments.out.as_deref().unwrap_or(&default))?;

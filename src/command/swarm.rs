@@ -7,8 +7,9 @@ use muster_daemon::config::TransportName;
 use muster_deploy::swarm::{self, Hosts, Prepared, Request, SwarmError};
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::report::{self, Report};
-use muster_scenarios::scenario::{self, Scenario};
+use muster_scenarios::scenario::{self, Override, Scenario};
 
+use super::overrides::Overrides;
 use super::recordings::Recordings;
 use super::sim::print;
 use super::{Failure, Outcome, folder, terminal};
@@ -28,6 +29,8 @@ pub(crate) struct Arguments {
     /// A scenario file, or the name of a shipped scenario (`muster list`).
     #[arg(value_name = "SCENARIO")]
     scenario: PathBuf,
+    #[command(flatten)]
+    overrides: Overrides,
     /// Transport: UDP datagrams, or a QUIC connection to each drone.
     #[arg(long, value_enum, default_value_t = Transport::Udp)]
     transport: Transport,
@@ -82,12 +85,13 @@ impl From<SwarmError> for Failure {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let scenario = scenario::load(&arguments.scenario, &[])?;
+    let overrides = arguments.overrides.all();
+    let scenario = scenario::load(&arguments.scenario, &overrides)?;
     let hosts = arguments.hosts.as_deref();
     let hosts = hosts.map(|path| Hosts::load(path, scenario.plan.nodes()));
     let hosts = hosts.transpose()?;
     if let Some(folder) = &arguments.prepare {
-        return prepare(arguments, &scenario, (folder, hosts.as_ref()));
+        return prepare(arguments, (&scenario, &overrides), (folder, hosts.as_ref()));
     }
     let out = arguments.out.clone().unwrap_or_else(|| {
         // No flight in real time repeats, so each gets a folder.
@@ -102,6 +106,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let mut watcher = |progress| show(&bar, progress);
     let request = Request {
         path: &arguments.scenario,
+        overrides: &overrides,
         scenario: &scenario,
         musterd: &musterd,
         hosts: hosts.as_ref(),
@@ -135,12 +140,13 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 /// Writes the files of a flight and shows how to start its processes.
 fn prepare(
     arguments: &Arguments,
-    scenario: &Scenario,
+    (scenario, overrides): (&Scenario, &[Override]),
     (folder, hosts): (&Path, Option<&Hosts>),
 ) -> Result<Outcome, Failure> {
     folder::check_writable(folder)?;
     let files = swarm::prepare(&Request {
         path: &arguments.scenario,
+        overrides,
         scenario,
         musterd: Path::new("musterd"),
         firmware: None,
@@ -149,6 +155,8 @@ fn prepare(
         folder,
         emulates_radio: false,
     })?;
+    let name = scenario::scenario_file(&arguments.scenario)?;
+    let scenario_file = (folder.join("scenario")).join(name.file_name().unwrap_or_default());
     let leader = scenario.plan.centre();
     let mut text = format!(
         "wrote {}: the keys of a fleet, and a file for each of {} processes\nStart them, the leader last:\n",
@@ -157,7 +165,7 @@ fn prepare(
     );
     let drones = files.iter().filter_map(|it| Some((it.id, it.controller?)));
     for (id, address) in drones {
-        let scenario = arguments.scenario.display();
+        let scenario = scenario_file.display();
         text.push_str(&format!(
             "  muster fc simulate --listen {address} --scenario {scenario} --drone {id}\n"
         ));

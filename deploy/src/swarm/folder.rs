@@ -132,7 +132,7 @@ fn write_files(
     let mut shared: Vec<_> = ["fleet.pub", "roster.toml", "revoked.toml"]
         .map(|name| Path::new("fleet").join(name))
         .into();
-    let [scenario, mission] = scenario::side_by_side(request.path)?;
+    let [scenario, mission] = scenario::side_by_side(request.path, request.overrides)?;
     for (name, text) in [&scenario, &mission] {
         let file = Path::new("scenario").join(name);
         write(&folder.join(&file), text)?;

@@ -31,7 +31,7 @@ use muster_runtime::identity::KeysError;
 use muster_runtime::vehicle::VehicleKind;
 use muster_scenarios::engine::Progress;
 use muster_scenarios::report::{Flight, Report};
-use muster_scenarios::scenario::{DroneFault, Fault, FaultKind, Scenario};
+use muster_scenarios::scenario::{DroneFault, Fault, FaultKind, Override, Scenario};
 use muster_scenarios::twin;
 use thiserror::Error;
 
@@ -46,6 +46,8 @@ pub use self::hosts::{Hosts, reference, schema};
 pub struct Request<'a> {
     /// The scenario's file.
     pub path: &'a Path,
+    /// What replaces fields of the file.
+    pub overrides: &'a [Override],
     /// The loaded scenario.
     pub scenario: &'a Scenario,
     /// The daemon's program on this machine.

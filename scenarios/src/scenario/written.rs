@@ -45,21 +45,21 @@ pub(crate) fn written(
     Ok(document.to_string())
 }
 
-/// Name and text of a scenario file and of its mission file, changed such that both work in one folder. `[chaos]` is
-/// removed.
+/// Name and text of a scenario file with overrides and of its mission file, changed such that both work in one folder.
+/// `[chaos]` is removed.
 ///
 /// # Errors
 /// If a file can't be read, or the scenario can't be parsed.
-pub fn side_by_side(path: &Path) -> Result<[(String, String); 2], BadInput> {
+pub fn side_by_side(path: &Path, set: &[Override]) -> Result<[(String, String); 2], BadInput> {
     let name = |path: &Path| {
         let name = path.file_name().unwrap_or_default();
         name.to_string_lossy().into_owned()
     };
     let path = scenario_file(path)?;
     let text = shipped::read(&path)?;
-    let mission = mission_file(&Source::new(&path, text.clone()))?;
+    let mission = mission_file(&Source::overridden(&path, text.clone(), set)?)?;
     let mission = mission_path(&mission)?;
-    let scenario = written((&path, &text), &[], &[], &name(&mission))?;
+    let scenario = written((&path, &text), set, &[], &name(&mission))?;
     Ok([
         (name(&path), scenario),
         (name(&mission), shipped::read(&mission)?),

@@ -1,0 +1,102 @@
+"""How well a drone's process flies Betaflight, beside our simulated controller: hover, hover in gusts and a square, by the truth
+about the aircraft. Prints the median and the worst of each figure; fails if a flight of Betaflight misses what is demanded.
+
+usage: accuracy.py PROGRAM MUSTER [RUNS]
+"""
+
+import csv
+import math
+import pathlib
+import statistics
+import subprocess
+import sys
+import tempfile
+
+HEIGHT = 2.0
+SIDE = 10.0
+CORNERS = (0, 0), (SIDE, 0), (SIDE, SIDE), (0, SIDE), (0, 0)
+GUSTS = ("--set", "aircraft.gusts_mps=1")
+# Flight, scenario, options, largest value of each figure.
+FLIGHTS = (
+    ("hover", "betaflight-hover", (), {"horizontal RMS m": 0.15, "horizontal max m": 0.5, "vertical RMS m": 0.15,
+                                       "vertical max m": 0.5, "landing m/s": 0.6, "landed off m": 0.5}),
+    ("hover in gusts of 1 m/s", "betaflight-hover", GUSTS, {"horizontal RMS m": 0.4, "vertical RMS m": 0.4}),
+    ("square", "betaflight-square", (), {"cross-track p95 m": 0.5, "overshoot m": 0.6, "landing m/s": 0.6,
+                                         "landed off m": 0.5}),
+)
+
+
+def rows(folder):
+    """Time, north, east, altitude and state, ten a second."""
+    with open(folder / "tracks.csv") as file:
+        return [(float(row["time_s"]), float(row["north_m"]), float(row["east_m"]), float(row["altitude_m"]), row["state"])
+                for row in csv.DictReader(file)]
+
+
+def rms(values):
+    return math.sqrt(statistics.fmean(value * value for value in values))
+
+
+def landing(flight):
+    """Fastest descent in 0.5 s below 0.5 m, and the distance of the last place from home."""
+    low = [(time, altitude) for time, _, _, altitude, state in flight if state == "landing" and altitude < 0.5]
+    speeds = [(before[1] - after[1]) / (after[0] - before[0]) for before, after in zip(low, low[5:])]
+    return {"landing m/s": max(speeds), "landed off m": math.hypot(*flight[-1][1:3])}
+
+
+def hover(flight):
+    held = [row for row in flight if row[4] == "waypoint 0 reached"]
+    if held[-1][0] - held[0][0] < 59:
+        raise ValueError(f"held for {held[-1][0] - held[0][0]:.1f} s only")
+    level = [math.hypot(north, east) for _, north, east, _, _ in held]
+    height = [altitude - HEIGHT for _, _, _, altitude, _ in held]
+    return {"horizontal RMS m": rms(level), "horizontal max m": max(level), "vertical RMS m": rms(height),
+            "vertical max m": max(map(abs, height)), **landing(flight)}
+
+
+def to_side(north, east, start, end):
+    along = ((north - start[0]) * (end[0] - start[0]) + (east - start[1]) * (end[1] - start[1])) / SIDE**2
+    share = min(1.0, max(0.0, along))
+    return math.hypot(north - start[0] - share * (end[0] - start[0]), east - start[1] - share * (end[1] - start[1]))
+
+
+def square(flight):
+    legs = [row for row in flight if row[4].startswith("moving to waypoint")]
+    off = sorted(min(to_side(north, east, *side) for side in zip(CORNERS, CORNERS[1:])) for _, north, east, _, _ in legs)
+    beyond = max(max(-place, place - SIDE) for row in legs for place in row[1:3])
+    return {"cross-track p95 m": off[int(0.95 * len(off))], "overshoot m": max(0.0, beyond), **landing(flight)}
+
+
+def fly(command, figures):
+    """The figures of one flight; its output if it failed."""
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder) / "flight"
+        done = subprocess.run([*command, "--out", folder], capture_output=True, text=True, timeout=300)
+        if done.returncode != 0:
+            raise RuntimeError(f"{' '.join(map(str, command))} ends with {done.returncode}:\n{done.stdout}{done.stderr}")
+        return figures(rows(folder))
+
+
+def main():
+    program, muster, runs = sys.argv[1], sys.argv[2], int((sys.argv[3:] or ["20"])[0])
+    print(f"{runs} flights each, seeds 1 to {runs}\n")
+    print("| flight | figure | at most | Betaflight median | worst | simulated median | worst |")
+    print("| --- | --- | --- | --- | --- | --- | --- |")
+    is_good = True
+    for flight, scenario, options, limits in FLIGHTS:
+        figures = square if flight == "square" else hover
+        each = []
+        for kind in (["swarm", scenario, "--firmware", program], ["sim", scenario]):
+            flights = []
+            for seed in range(1, runs + 1):
+                print(f"\r{flight}: {kind[0]} {seed} of {runs}", end="\r", file=sys.stderr)
+                flights.append(fly([muster, *kind, "--seed", str(seed), *options], figures))
+            each.append(flights)
+        for name, limit in limits.items():
+            cells = [f(one[name] for one in flights) for flights in each for f in (statistics.median, max)]
+            is_good &= cells[1] <= limit
+            print(f"| {flight} | {name} | {limit} | " + " | ".join(f"{cell:.2f}" for cell in cells) + " |", flush=True)
+    sys.exit(0 if is_good else "a flight of Betaflight is beyond its limit")
+
+
+main()
