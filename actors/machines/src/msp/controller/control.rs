@@ -151,7 +151,7 @@ impl Control {
 ///
 /// In the mode ANGLE Betaflight aims at `angle_limit` times the share of the largest rate that the stick asks for, `pid.c`.
 /// Rates of the type ACTUAL without expo grow from the centre's as `centre · x + (max − centre) · x²` (`fc/rc.c`).
-fn deflection(share: f64, [centre, max]: [f64; 2]) -> f64 {
+pub(super) fn deflection(share: f64, [centre, max]: [f64; 2]) -> f64 {
     let beyond = max - centre;
     let asked = max * share.abs().min(1.0);
     let deflection = (libm::sqrt(centre * centre + 4.0 * beyond * asked) - centre) / (2.0 * beyond);

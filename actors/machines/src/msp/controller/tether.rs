@@ -3,7 +3,7 @@
 use muster_msp::{Channel, Sticks};
 
 use super::config::Gains;
-use super::control::Reference;
+use super::control::{Reference, deflection};
 use crate::geometry::{Ned, Velocity};
 use crate::msp::Setpoint;
 
@@ -63,7 +63,8 @@ pub(super) fn reference(start: Ned, reference: Reference) -> Reference {
 
 /// Sticks that neither lean nor climb beyond the limits.
 pub(super) fn sticks(sticks: Sticks, gains: &Gains) -> Sticks {
-    let lean_us = 500.0 * TETHER_TILT_MAX_RAD / gains.angle_limit_rad;
+    let share = TETHER_TILT_MAX_RAD / gains.angle_limit_rad;
+    let lean_us = 500.0 * deflection(share, gains.rates_dps);
     let throttle_us = 1_000.0 * (TETHER_THROTTLE_MAX * gains.hover_throttle);
     Sticks {
         roll: clamp(sticks.roll, 1_500.0 - lean_us, 1_500.0 + lean_us),
@@ -97,9 +98,9 @@ mod tests {
         let gains = Gains::QUADCOPTER;
         let us = |it: Sticks| [it.roll.us(), it.pitch.us(), it.throttle.us()];
         let high = sticks(full(Channel::HIGH), &gains);
-        assert_eq!(us(high), [1_583, 1_583, 1_360]);
+        assert_eq!(us(high), [1_688, 1_688, 1_360]);
         let low = sticks(full(Channel::LOW), &gains);
-        assert_eq!(us(low), [1_417, 1_417, 1_000]);
+        assert_eq!(us(low), [1_312, 1_312, 1_000]);
         assert_eq!(sticks(Sticks::IDLE, &gains), Sticks::IDLE);
     }
 
