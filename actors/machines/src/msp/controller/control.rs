@@ -1,7 +1,7 @@
 //! From a reference to sticks: position → velocity → acceleration → attitude and throttle.
 
 use muster_msp::{Channel, Sticks};
-use nalgebra::Vector3;
+use nalgebra::{Vector2, Vector3};
 
 use super::config::Gains;
 use super::estimator::{Estimate, GRAVITY_MPS2, Tilt};
@@ -17,6 +17,8 @@ const THROTTLE_MAX: f64 = 0.9;
 const CORRECTION_MAX_MPS: f64 = 4.0;
 /// Largest integrated acceleration on each axis, in m/s²: a wind, or a battery half empty.
 const INTEGRAL_MAX_MPS2: f64 = 3.0;
+/// Time constant of the wind that counts once the position is lost, in seconds.
+const STEADY_S: f64 = 15.0;
 /// Limits of the vertical acceleration, in m/s².
 const CLIMB_MAX_MPS2: f64 = 4.0;
 
@@ -29,12 +31,25 @@ pub(super) struct Reference {
     pub(super) acceleration: Vector3<f64>,
 }
 
+/// How far a vehicle leans.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Lean {
+    /// Not at all: leaning on the ground tips it over.
+    Level,
+    /// As it did on average: against the wind that it knows. Its position is lost.
+    Steady,
+    /// As its place asks for.
+    Free,
+}
+
 /// The control loops.
 #[derive(Debug)]
 pub(super) struct Control {
     gains: Gains,
     /// Integrated acceleration, in m/s², north, east, down.
     integral: Vector3<f64>,
+    /// Its horizontal part as it was for [`STEADY_S`], without what noise adds.
+    steady: Vector2<f64>,
     /// The acceleration downwards of the last sticks, in m/s².
     down_mps2: f64,
 }
@@ -44,6 +59,7 @@ impl Control {
         Self {
             gains,
             integral: Vector3::new(0.0, 0.0, 0.0),
+            steady: Vector2::new(0.0, 0.0),
             down_mps2: 0.0,
         }
     }
@@ -63,14 +79,14 @@ impl Control {
         self.sticks(Vector3::new(0.0, 0.0, self.integral.z), tilt)
     }
 
-    /// Sticks that bring a vehicle to its reference, `seconds` after the last. Unless it may lean it is kept level.
+    /// Sticks that bring a vehicle to its reference, `seconds` after the last.
     pub(super) fn step(
         &mut self,
         seconds: f64,
         reference: &Reference,
         estimate: &Estimate,
         tilt: Tilt,
-        may_lean: bool,
+        lean: Lean,
     ) -> Sticks {
         let gains = &self.gains;
         let distance = (reference.position - estimate.position).0;
@@ -101,9 +117,15 @@ impl Control {
         let is_saturated = self.limit(&mut acceleration);
         self.down_mps2 = acceleration.z;
         let mut growth = error.component_mul(&per_s2) * seconds;
-        if !may_lean {
-            (acceleration.x, acceleration.y) = (0.0, 0.0);
+        if lean != Lean::Free {
+            let steady = match lean {
+                Lean::Steady => self.steady,
+                Lean::Level | Lean::Free => Vector2::zeros(),
+            };
+            (acceleration.x, acceleration.y) = (steady.x, steady.y);
             (growth.x, growth.y) = (0.0, 0.0);
+        } else {
+            self.steady += (self.integral.xy() - self.steady) * (seconds / STEADY_S).min(1.0);
         }
         if !is_saturated {
             let limit = INTEGRAL_MAX_MPS2;
@@ -189,30 +211,43 @@ mod tests {
         }
     }
 
-    fn sticks(estimate: &Estimate, yaw_deg: f64, may_lean: bool) -> Sticks {
+    fn sticks(estimate: &Estimate, yaw_deg: f64, lean: Lean) -> Sticks {
         let tilt = Tilt {
             yaw_rad: yaw_deg.to_radians(),
             ..Tilt::default()
         };
-        Control::new(Gains::QUADCOPTER).step(0.02, &reference(), estimate, tilt, may_lean)
+        Control::new(Gains::QUADCOPTER).step(0.02, &reference(), estimate, tilt, lean)
     }
 
     #[test]
     fn vehicle_leans_to_where_it_should_be() {
         let south = estimate(-5.0, 0.0, 0.0);
-        let ahead = sticks(&south, 0.0, true);
+        let ahead = sticks(&south, 0.0, Lean::Free);
         assert!(ahead.pitch > Channel::CENTRE && ahead.roll == Channel::CENTRE);
         // It heads east, so north is on the left.
-        let left = sticks(&south, 90.0, true);
+        let left = sticks(&south, 90.0, Lean::Free);
         assert!(left.roll < Channel::CENTRE && left.pitch == Channel::CENTRE);
-        let low = sticks(&estimate(0.0, 0.0, 3.0), 0.0, true);
-        let high = sticks(&estimate(0.0, 0.0, -3.0), 0.0, true);
+        let low = sticks(&estimate(0.0, 0.0, 3.0), 0.0, Lean::Free);
+        let high = sticks(&estimate(0.0, 0.0, -3.0), 0.0, Lean::Free);
         assert!(low.throttle > high.throttle);
     }
 
     #[test]
-    fn without_a_position_it_is_kept_level() {
-        let level = sticks(&estimate(-50.0, 20.0, 0.0), 0.0, false);
+    fn without_a_position_it_leans_against_the_wind_that_it_knows() {
+        let mut control = Control::new(Gains::QUADCOPTER);
+        let south = estimate(-0.5, 0.0, 0.0);
+        let mut step = |lean| control.step(0.02, &reference(), &south, Tilt::default(), lean);
+        for _ in 0..100 {
+            step(Lean::Free);
+        }
+        let (free, steady) = (step(Lean::Free), step(Lean::Steady));
+        assert!(Channel::CENTRE < steady.pitch && steady.pitch < free.pitch);
+        assert_eq!(step(Lean::Steady), steady);
+    }
+
+    #[test]
+    fn on_the_ground_it_is_kept_level() {
+        let level = sticks(&estimate(-50.0, 20.0, 0.0), 0.0, Lean::Level);
         assert_eq!(
             (level.roll, level.pitch),
             (Channel::CENTRE, Channel::CENTRE)
@@ -232,7 +267,7 @@ mod tests {
 
     #[test]
     fn tilt_and_throttle_stay_within_limits() {
-        let far = sticks(&estimate(-1e6, 1e6, 1e6), 33.0, true);
+        let far = sticks(&estimate(-1e6, 1e6, 1e6), 33.0, Lean::Free);
         let most = 1_500.0 + 500.0 * deflection(0.611 / 1.047, Gains::QUADCOPTER.rates_dps);
         for stick in [far.roll, far.pitch] {
             assert!((f64::from(stick.us()) - 1_500.0).abs() <= most - 1_500.0 + 1.0);
@@ -246,7 +281,7 @@ mod tests {
         let low = estimate(0.0, 0.0, 0.5);
         let before = control.hover_throttle();
         for _ in 0..100 {
-            control.step(0.02, &reference(), &low, Tilt::default(), true);
+            control.step(0.02, &reference(), &low, Tilt::default(), Lean::Free);
         }
         assert!(control.hover_throttle() > before);
     }

@@ -21,7 +21,7 @@ use self::authority::Authority;
 pub use self::authority::{LOST_AFTER, Taken};
 use self::battery::Gauge;
 pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
-use self::control::Control;
+use self::control::{Control, Lean};
 use self::estimator::{Estimate, Estimator};
 use self::guidance::Guidance;
 use self::reports::{Reported, Reports};
@@ -380,9 +380,13 @@ impl ControllerLink {
                 self.has_lifted |= estimate.position.altitude_m() > LIFTED_M
                     && estimate.velocity.0.z < -LIFTED_MPS;
                 let is_free = self.has_lifted && self.still_since.is_none();
-                let may_lean = is_free && self.estimator.lost_for(now).is_none();
+                let lean = match self.estimator.lost_for(now) {
+                    _ if !is_free => Lean::Level,
+                    Some(_) => Lean::Steady,
+                    None => Lean::Free,
+                };
                 let control = &mut self.control;
-                control.step(seconds, &reference, &estimate, tilt, may_lean)
+                control.step(seconds, &reference, &estimate, tilt, lean)
             }
             // Right after a restart in the air; else on the ground, before the first setpoint.
             None if self.before.is_some_and(|it| it.setpoint.is_some()) => self.control.level(tilt),
