@@ -1,0 +1,107 @@
+//! The Kalman filter of one axis.
+
+/// Innovations beyond this many standard deviations are rejected.
+const GATE: f64 = 5.0;
+
+/// Position and velocity along one axis, and their covariance.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Axis {
+    pub(super) position_m: f64,
+    pub(super) velocity_mps: f64,
+    /// Variance of the position, covariance, variance of the velocity.
+    covariance: [f64; 3],
+}
+
+impl Axis {
+    /// At rest, as far as is known: within 1 m/s.
+    pub(super) const fn at(position_m: f64, variance_m2: f64) -> Self {
+        Self {
+            position_m,
+            velocity_mps: 0.0,
+            covariance: [variance_m2, 0.0, 1.0],
+        }
+    }
+
+    /// Where positions `seconds` apart say that it is, each with a standard deviation.
+    pub(super) const fn moving(position_m: f64, moved_m: f64, seconds: f64, sigma_m: f64) -> Self {
+        let variance_m2 = sigma_m * sigma_m;
+        Self {
+            position_m,
+            velocity_mps: moved_m / seconds,
+            covariance: [
+                variance_m2,
+                variance_m2 / seconds,
+                2.0 * variance_m2 / (seconds * seconds),
+            ],
+        }
+    }
+
+    pub(super) fn predict(&mut self, seconds: f64, acceleration_mps2: f64, noise_mps2: f64) {
+        self.position_m += (self.velocity_mps + acceleration_mps2 * seconds / 2.0) * seconds;
+        self.velocity_mps += acceleration_mps2 * seconds;
+        let [pp, pv, vv] = self.covariance;
+        let noise = noise_mps2 * noise_mps2;
+        self.covariance = [
+            pp + 2.0 * pv * seconds
+                + vv * seconds * seconds
+                + noise * seconds * seconds * seconds / 3.0,
+            pv + vv * seconds + noise * seconds * seconds / 2.0,
+            vv + noise * seconds,
+        ];
+    }
+
+    /// Takes in a measured position. Returns whether it was near enough.
+    pub(super) fn measure_position(&mut self, measured_m: f64, sigma_m: f64) -> bool {
+        let innovation_m = measured_m - self.position_m;
+        correct([self], [innovation_m], sigma_m).is_some()
+    }
+
+    /// Whether a position that differs so much from the prediction is near enough to it.
+    fn is_near(&self, innovation_m: f64, sigma_m: f64) -> bool {
+        let variance = self.covariance[0] + sigma_m * sigma_m;
+        innovation_m * innovation_m <= GATE * GATE * variance
+    }
+
+    /// Corrects the motion by what a measured position differs from the prediction. Returns by how much the position changes.
+    fn correct(&mut self, innovation_m: f64, sigma_m: f64) -> f64 {
+        let [pp, pv, vv] = self.covariance;
+        let variance = pp + sigma_m * sigma_m;
+        let (gain_p, gain_v) = (pp / variance, pv / variance);
+        self.position_m += gain_p * innovation_m;
+        self.velocity_mps += gain_v * innovation_m;
+        self.covariance = [pp - gain_p * pp, pv - gain_p * pv, vv - gain_v * pv];
+        gain_p * innovation_m
+    }
+
+    /// Takes in a measured velocity, unless it is too far away.
+    pub(super) fn measure_velocity(&mut self, measured_mps: f64, sigma_mps: f64) {
+        let [pp, pv, vv] = self.covariance;
+        let variance = vv + sigma_mps * sigma_mps;
+        let innovation = measured_mps - self.velocity_mps;
+        if innovation * innovation > GATE * GATE * variance {
+            return;
+        }
+        let (gain_p, gain_v) = (pv / variance, vv / variance);
+        self.position_m += gain_p * innovation;
+        self.velocity_mps += gain_v * innovation;
+        self.covariance = [pp - gain_p * pv, pv - gain_p * vv, vv - gain_v * vv];
+    }
+}
+
+/// Corrects axes by what one measurement of their positions differs from the predictions. Returns by how much the positions
+/// change; `None`, and changes nothing, if the measurement is too far away on any axis.
+pub(super) fn correct<const N: usize>(
+    axes: [&mut Axis; N],
+    innovations_m: [f64; N],
+    sigma_m: f64,
+) -> Option<[f64; N]> {
+    let mut pairs = axes.iter().zip(innovations_m);
+    if !pairs.all(|(axis, innovation_m)| axis.is_near(innovation_m, sigma_m)) {
+        return None;
+    }
+    let mut by_m = innovations_m;
+    for (axis, by_m) in axes.into_iter().zip(&mut by_m) {
+        *by_m = axis.correct(*by_m, sigma_m);
+    }
+    Some(by_m)
+}

@@ -1,0 +1,354 @@
+//! Position and velocity from the controller's telemetry: a Kalman filter of two states for each axis.
+//!
+//! Attitude predicts, GPS and barometer correct. A measurement too far from the prediction is rejected; if all are for a
+//! while, or some in a row agree with each other, the filter begins anew from the next one. Source of the filter: Bar-Shalom, Li, Kirubarajan, *Estimation with
+//! Applications to Tracking and Navigation*, sections 5.2 and 6.3 (white noise acceleration).
+
+mod axis;
+mod doubt;
+mod past;
+#[cfg(test)]
+mod tests;
+
+use std::f64::consts::TAU;
+use std::time::Duration;
+
+use muster_msp::{Altitude, Attitude, RawGps};
+
+use self::axis::{Axis, correct};
+use self::doubt::Doubt;
+use self::past::Past;
+use super::Pose;
+use super::config::{Config, Noise};
+use crate::geodetic::{Geodetic, local_ned};
+use crate::geometry::{Ned, Velocity};
+use crate::time::Timestamp;
+
+/// Standard gravity, in m/s².
+pub(super) const GRAVITY_MPS2: f64 = 9.806_65;
+/// Time of rejected or missing positions after which the position is lost.
+pub(super) const LOST_AFTER: Duration = Duration::from_millis(1_000);
+/// Fewest satellites of a usable fix: Betaflight's own `gps_rescue_min_sats`.
+const SATELLITES_MIN: u8 = 8;
+/// Smallest standard deviation of a pose, in metres: what says less is wrong.
+const SIGMA_MIN_M: f64 = 0.001;
+/// Age of a measurement up to which it is compared with where the vehicle was; an older one is rejected.
+const AGE_MAX: Duration = Duration::from_millis(500);
+/// Fastest turn about any axis that is believed at once, in rad/s: 400 °/s. Betaflight leans with less in the mode ANGLE.
+const TURN_MAX_RADPS: f64 = 6.98;
+/// Largest tilt that accelerates as it says, in radians: beyond 60°, Betaflight's `angle_limit`, height is not held.
+const LEAN_MAX_RAD: f64 = 1.047;
+/// From one attitude to the next; they may arrive together.
+const ATTITUDE_PERIOD: Duration = Duration::from_millis(80);
+/// Longest prediction in one step, in seconds: beyond it the attitude is stale.
+const STEP_MAX_S: f64 = 0.5;
+
+/// An attitude, in radians: roll to the right, nose down, clockwise from north.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Tilt {
+    pub(super) roll_rad: f64,
+    pub(super) nose_down_rad: f64,
+    pub(super) yaw_rad: f64,
+}
+
+impl Tilt {
+    /// Cosine of the angle between the thrust and the vertical.
+    pub(super) fn vertical_share(self) -> f64 {
+        libm::cos(self.roll_rad) * libm::cos(self.nose_down_rad)
+    }
+
+    /// The largest angle about one axis to another attitude, in radians.
+    fn turn_rad(self, other: Self) -> f64 {
+        let about = |from: f64, to: f64| {
+            let angle = (to - from).abs() % TAU;
+            angle.min(TAU - angle)
+        };
+        about(self.roll_rad, other.roll_rad)
+            .max(about(self.nose_down_rad, other.nose_down_rad))
+            .max(about(self.yaw_rad, other.yaw_rad))
+    }
+
+    /// Acceleration north and east of a vehicle that holds its height, in m/s².
+    fn acceleration_mps2(self) -> [f64; 2] {
+        let (sin, cos) = (libm::sin(self.yaw_rad), libm::cos(self.yaw_rad));
+        let limited = |it: f64| it.clamp(-LEAN_MAX_RAD, LEAN_MAX_RAD);
+        let (nose_down_rad, roll_rad) = (limited(self.nose_down_rad), limited(self.roll_rad));
+        let ahead = GRAVITY_MPS2 * libm::tan(nose_down_rad);
+        let right = GRAVITY_MPS2 * libm::tan(roll_rad) / libm::cos(nose_down_rad);
+        [ahead * cos - right * sin, ahead * sin + right * cos]
+    }
+}
+
+/// What is known of a vehicle's motion, in its drone's local frame.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Estimate {
+    pub(super) position: Ned,
+    pub(super) velocity: Velocity,
+}
+
+/// Estimates a vehicle's motion.
+#[derive(Debug)]
+pub(super) struct Estimator {
+    home: Geodetic,
+    noise: Noise,
+    drag_per_s: f64,
+    at: Timestamp,
+    /// The newest attitude that is believed.
+    tilt: Option<(Timestamp, Tilt)>,
+    /// One that came too suddenly. The next one confirms it, or is believed itself.
+    doubted_tilt: Option<(Timestamp, Tilt)>,
+    /// North and east.
+    horizontal: Option<[Axis; 2]>,
+    /// Up, from where the barometer counts.
+    vertical: Option<Axis>,
+    past: Past,
+    /// Poses that agree with each other, but not with the estimate.
+    doubt: Option<Doubt>,
+    /// The barometer's altitude on the ground, in metres.
+    ground_m: Option<f64>,
+    /// The newest accepted position.
+    fixed_at: Timestamp,
+    /// The newest accepted height.
+    height_at: Timestamp,
+    /// The newest accepted height of a pose.
+    posed_at: Option<Timestamp>,
+    /// What is added to the controller's own height, in metres.
+    offset_m: f64,
+}
+
+impl Estimator {
+    /// Without any measurement yet. `ground_m`: the barometer's altitude on the ground, if it is known from before.
+    pub(super) fn new(config: &Config, now: Timestamp, ground_m: Option<f64>) -> Self {
+        Self {
+            home: config.home,
+            noise: config.noise,
+            drag_per_s: config.gains.drag_per_s,
+            at: now,
+            tilt: None,
+            doubted_tilt: None,
+            horizontal: None,
+            vertical: None,
+            past: Past::default(),
+            doubt: None,
+            ground_m,
+            fixed_at: now,
+            height_at: now,
+            posed_at: None,
+            offset_m: 0.0,
+        }
+    }
+
+    /// The newest attitude; level before the first.
+    pub(super) fn tilt(&self) -> Tilt {
+        self.tilt.map(|(_, tilt)| tilt).unwrap_or_default()
+    }
+
+    pub(super) const fn ground_m(&self) -> Option<f64> {
+        self.ground_m
+    }
+
+    /// The present height becomes height zero, unless it is known from before.
+    pub(super) fn set_ground(&mut self) {
+        let here = self.vertical.map(|it| it.position_m);
+        self.ground_m = self.ground_m.or(here);
+    }
+
+    /// Forgets the height: Betaflight counts it from where it was armed.
+    pub(super) const fn forget_height(&mut self) {
+        self.vertical = None;
+        self.ground_m = None;
+        self.offset_m = 0.0;
+        self.posed_at = None;
+    }
+
+    /// The motion now. `None` before the first height. Before the first position it is home's.
+    pub(super) fn estimate(&self) -> Option<Estimate> {
+        let up = self.vertical?;
+        let [north, east] = self.horizontal.unwrap_or([Axis::at(0.0, 1.0); 2]);
+        let ground_m = self.ground_m.unwrap_or(up.position_m);
+        Some(Estimate {
+            position: Ned::new(north.position_m, east.position_m, ground_m - up.position_m),
+            velocity: Velocity::new(north.velocity_mps, east.velocity_mps, -up.velocity_mps),
+        })
+    }
+
+    /// How long the horizontal position has been unknown; `None` if it is known.
+    pub(super) fn lost_for(&self, now: Timestamp) -> Option<Duration> {
+        let since = now.since(self.fixed_at);
+        (self.horizontal.is_none() || since > LOST_AFTER).then_some(since)
+    }
+
+    /// Predicts the motion at `now`.
+    pub(super) fn predict(&mut self, now: Timestamp) {
+        let seconds = now.since(self.at).as_secs_f64().min(STEP_MAX_S);
+        self.at = self.at.max(now);
+        if seconds <= 0.0 {
+            return;
+        }
+        let acceleration = self.tilt().acceleration_mps2();
+        for (axis, by) in self.horizontal.iter_mut().flatten().zip(acceleration) {
+            let by = by - self.drag_per_s * axis.velocity_mps;
+            axis.predict(seconds, by, self.noise.acceleration_mps2);
+        }
+        if let Some(axis) = &mut self.vertical {
+            axis.predict(seconds, 0.0, self.noise.vertical_acceleration_mps2);
+        }
+        if let Some([north, east]) = self.horizontal {
+            let up_m = self.vertical.map_or(0.0, |it| it.position_m);
+            self.past
+                .note(now, [north.position_m, east.position_m, up_m]);
+        }
+    }
+
+    /// Takes in an attitude. One that no vehicle can have, or can't have turned to, is rejected.
+    pub(super) fn measure_attitude(&mut self, now: Timestamp, attitude: &Attitude) {
+        let Attitude {
+            roll_ddeg,
+            pitch_ddeg,
+            yaw_deg,
+        } = *attitude;
+        if !(-1_800..=1_800).contains(&roll_ddeg)
+            || !(-900..=900).contains(&pitch_ddeg)
+            || !(-360..=360).contains(&yaw_deg)
+        {
+            return;
+        }
+        let tilt = Tilt {
+            roll_rad: (f64::from(roll_ddeg) / 10.0).to_radians(),
+            nose_down_rad: (f64::from(pitch_ddeg) / 10.0).to_radians(),
+            yaw_rad: f64::from(yaw_deg).to_radians(),
+        };
+        let is_near = |(at, before): (Timestamp, Tilt)| {
+            let seconds = now.since(at).max(ATTITUDE_PERIOD).as_secs_f64();
+            tilt.turn_rad(before) <= TURN_MAX_RADPS * seconds
+        };
+        let is_believed = self.tilt.is_none_or(is_near) || self.doubted_tilt.is_some_and(is_near);
+        self.doubted_tilt = (!is_believed).then_some((now, tilt));
+        if is_believed {
+            self.tilt = Some((now, tilt));
+        }
+    }
+
+    /// Takes in the controller's own height and climb. While poses tell the height it only notes how far its own is off, to
+    /// count on from there.
+    pub(super) fn measure_altitude(&mut self, now: Timestamp, altitude: &Altitude) {
+        let height_m = f64::from(altitude.altitude_cm) / 100.0;
+        if self.is_posed(now) {
+            let here_m = self.vertical.map_or(height_m, |it| it.position_m);
+            self.offset_m = here_m - height_m;
+            return;
+        }
+        let height_m = height_m + self.offset_m;
+        let sigma_m = self.noise.height_m;
+        let is_stale = now.since(self.height_at) > LOST_AFTER;
+        let axis = match &mut self.vertical {
+            Some(axis) if !is_stale => axis,
+            lost => lost.insert(Axis::at(height_m, sigma_m * sigma_m)),
+        };
+        if axis.measure_position(height_m, sigma_m) {
+            let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
+            axis.measure_velocity(climb_mps, self.noise.climb_mps);
+            self.height_at = now;
+        }
+    }
+
+    /// Takes in a fix. One without enough satellites, off the Earth or far from home is rejected.
+    pub(super) fn measure_gps(&mut self, now: Timestamp, gps: &RawGps) {
+        let degrees = |e7: i32| f64::from(e7) / 1e7;
+        let place = Geodetic::new(
+            degrees(gps.latitude_e7),
+            degrees(gps.longitude_e7),
+            self.home.altitude_m(),
+        );
+        let place = place
+            .ok()
+            .and_then(|place| local_ned(self.home, place).ok());
+        let Some(place) = place.filter(|_| gps.fix > 0 && gps.satellites >= SATELLITES_MIN) else {
+            return;
+        };
+        let speed_mps = f64::from(gps.speed_cmps) / 100.0;
+        let course_rad = (f64::from(gps.course_ddeg) / 10.0).to_radians();
+        let velocity = [
+            speed_mps * libm::cos(course_rad),
+            speed_mps * libm::sin(course_rad),
+        ];
+        if self.measure_place(now, [place.north_m(), place.east_m()]) {
+            for (axis, velocity) in self.horizontal.iter_mut().flatten().zip(velocity) {
+                axis.measure_velocity(velocity, self.noise.velocity_mps);
+            }
+        }
+    }
+
+    /// Takes in a pose. One that is too old, or not a number, is rejected. The estimate begins with some that agree.
+    pub(super) fn measure_pose(&mut self, now: Timestamp, pose: &Pose) {
+        let Pose {
+            position,
+            sigma_m,
+            age,
+        } = *pose;
+        let is_finite = position.0.iter().chain([&sigma_m]).all(|it| it.is_finite());
+        if !is_finite || sigma_m < SIGMA_MIN_M || age > AGE_MAX {
+            return;
+        }
+        let ground_m = *self.ground_m.get_or_insert(0.0);
+        let up_m = position.altitude_m() + ground_m;
+        let place = [position.north_m(), position.east_m(), up_m];
+        let past = self.past.before(now, age);
+        let is_known = self.is_posed(now) && self.lost_for(now).is_none();
+        if let (Some([north, east]), Some(up), Some(past), true) =
+            (&mut self.horizontal, &mut self.vertical, past, is_known)
+        {
+            let innovations = std::array::from_fn(|axis| place[axis] - past[axis]);
+            if let Some(by_m) = correct([north, east, up], innovations, sigma_m) {
+                self.past.shift(&by_m);
+                (self.fixed_at, self.posed_at) = (now, Some(now));
+                self.doubt = None;
+                return;
+            }
+        }
+        let doubt = Doubt::of(self.doubt.take(), now, place, (sigma_m, age));
+        match doubt.axes() {
+            Some(axes) => self.begin(now, axes),
+            None => self.doubt = Some(doubt),
+        }
+    }
+
+    /// Begins anew where poses say: north, east and up.
+    fn begin(&mut self, now: Timestamp, [north, east, up]: [Axis; 3]) {
+        (self.horizontal, self.vertical) = (Some([north, east]), Some(up));
+        self.past = Past::default();
+        (self.fixed_at, self.posed_at) = (now, Some(now));
+        self.doubt = None;
+    }
+
+    /// Whether poses tell the height.
+    fn is_posed(&self, now: Timestamp) -> bool {
+        let since = self.posed_at.map(|at| now.since(at));
+        since.is_some_and(|since| since <= LOST_AFTER)
+    }
+
+    /// Takes in a fix's place, north and east. Returns whether it was near enough.
+    fn measure_place(&mut self, now: Timestamp, [to_north, to_east]: [f64; 2]) -> bool {
+        let Noise {
+            position_m,
+            gps_delay,
+            ..
+        } = self.noise;
+        let past = self.past.before(now, gps_delay);
+        let is_lost = now.since(self.fixed_at) > LOST_AFTER;
+        let (Some([north, east]), Some(past), false) = (&mut self.horizontal, past, is_lost) else {
+            let variance_m2 = position_m * position_m;
+            self.horizontal = Some([to_north, to_east].map(|it| Axis::at(it, variance_m2)));
+            self.past = Past::default();
+            self.fixed_at = now;
+            return false;
+        };
+        let innovations = [to_north - past[0], to_east - past[1]];
+        let corrected = correct([north, east], innovations, position_m);
+        if let Some(by_m) = corrected {
+            self.past.shift(&by_m);
+            self.fixed_at = now;
+        }
+        corrected.is_some()
+    }
+}

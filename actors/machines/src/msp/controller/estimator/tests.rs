@@ -1,0 +1,183 @@
+use super::*;
+
+const NOISE: Noise = Noise::GPS;
+
+fn at(seconds: f64) -> Timestamp {
+    Timestamp::from_secs_f64(seconds)
+}
+
+/// A fix `north_m` north of home, where a degree is 111,200 m long, that moves north at `speed_mps`.
+fn fix(north_m: f64, speed_mps: f64) -> RawGps {
+    RawGps {
+        fix: 1,
+        satellites: 12,
+        latitude_e7: 490_000_000 + (north_m / 111_206.0 * 1e7) as i32,
+        longitude_e7: 120_000_000,
+        altitude_m: 400,
+        speed_cmps: (speed_mps * 100.0) as u16,
+        course_ddeg: 0,
+        pdop_e2: None,
+    }
+}
+
+fn estimator() -> Estimator {
+    let config = super::super::tests::config();
+    let mut estimator = Estimator::new(&config, at(0.0), None);
+    estimator.measure_altitude(at(0.0), &Altitude::default());
+    estimator.set_ground();
+    estimator
+}
+
+#[test]
+fn moving_vehicle_is_where_the_delayed_fixes_say_it_was_and_has_moved_since() {
+    let mut estimator = estimator();
+    // It leans against the drag.
+    let leaning = Attitude {
+        pitch_ddeg: 129,
+        ..Attitude::default()
+    };
+    estimator.measure_attitude(at(0.0), &leaning);
+    for step in 0..100 {
+        let seconds = f64::from(step) / 10.0;
+        estimator.predict(at(seconds));
+        let seen_m = 5.0 * (seconds - NOISE.gps_delay.as_secs_f64());
+        estimator.measure_gps(at(seconds), &fix(seen_m, 5.0));
+    }
+    let estimate = estimator.estimate().unwrap();
+    let north_m = estimate.position.north_m();
+    assert!((north_m - 49.5).abs() < 0.3, "{north_m}");
+    assert!((estimate.velocity.0.x - 5.0).abs() < 0.1);
+}
+
+#[test]
+fn an_accelerating_vehicle_is_where_late_poses_say_it_was_and_has_moved_since() {
+    let mut estimator = estimator();
+    // Without drag 5° of tilt accelerate by 0.858 m/s².
+    estimator.drag_per_s = 0.0;
+    let leaning = Attitude {
+        pitch_ddeg: 50,
+        ..Attitude::default()
+    };
+    estimator.measure_attitude(at(0.0), &leaning);
+    let place_m = |seconds: f64| 0.5 * 0.858 * seconds * seconds;
+    let age = Duration::from_millis(100);
+    for step in 0..300_u32 {
+        let now = at(f64::from(step) / 50.0);
+        estimator.predict(now);
+        if step % 5 == 0 {
+            let seen_m = place_m((f64::from(step) / 50.0 - 0.1).max(0.0));
+            let position = Ned::new(seen_m, 2.0, -1.5);
+            let pose = Pose {
+                position,
+                sigma_m: 0.05,
+                age,
+            };
+            estimator.measure_pose(now, &pose);
+        }
+    }
+    let estimate = estimator.estimate().unwrap();
+    let north_m = estimate.position.north_m() - place_m(299.0 / 50.0);
+    assert!(north_m.abs() < 0.03, "{north_m}");
+    assert!((estimate.velocity.0.x - 0.858 * 5.98).abs() < 0.05);
+    assert!((estimate.position.altitude_m() - 1.5).abs() < 0.05);
+}
+
+#[test]
+fn a_wrong_barometer_does_not_count_while_poses_tell_the_height() {
+    let mut estimator = estimator();
+    let pose = |altitude_m: f64| Pose {
+        position: Ned::new(0.0, 0.0, -altitude_m),
+        sigma_m: 0.05,
+        age: Duration::from_millis(100),
+    };
+    let height_m = |estimator: &Estimator| estimator.estimate().unwrap().position.altitude_m();
+    for step in 0..200_u32 {
+        let now = at(f64::from(step) / 10.0);
+        estimator.predict(now);
+        // It stays at zero.
+        estimator.measure_altitude(now, &Altitude::default());
+        estimator.measure_pose(now, &pose(2.0));
+    }
+    assert!((height_m(&estimator) - 2.0).abs() < 0.05);
+    // Without poses the barometer counts on from there.
+    for step in 200..240_u32 {
+        let now = at(f64::from(step) / 10.0);
+        estimator.predict(now);
+        estimator.measure_altitude(now, &Altitude::default());
+    }
+    assert!((height_m(&estimator) - 2.0).abs() < 0.1);
+}
+
+#[test]
+fn a_pose_that_is_old_or_no_number_is_rejected() {
+    let mut estimator = estimator();
+    let good = Pose {
+        position: Ned::new(1.0, 2.0, 0.0),
+        sigma_m: 0.05,
+        age: Duration::from_millis(100),
+    };
+    let bad = [
+        Pose {
+            position: Ned::new(f64::NAN, 2.0, 0.0),
+            ..good
+        },
+        Pose {
+            sigma_m: 0.0,
+            ..good
+        },
+        Pose {
+            age: Duration::from_secs(2),
+            ..good
+        },
+    ];
+    for pose in bad {
+        for tenths in 1..6 {
+            let now = at(f64::from(tenths) / 10.0);
+            estimator.measure_pose(now, &pose);
+            assert!(estimator.lost_for(now).is_some());
+        }
+    }
+    for tenths in 6..9 {
+        estimator.measure_pose(at(f64::from(tenths) / 10.0), &good);
+    }
+    assert_eq!(estimator.lost_for(at(0.8)), None);
+}
+
+#[test]
+fn poses_that_agree_count_more_than_the_estimate_and_outliers_do_not() {
+    let mut estimator = estimator();
+    let mut seconds = 0.0;
+    let mut see = |estimator: &mut Estimator, north_m: f64| {
+        seconds += 0.1;
+        let now = at(seconds);
+        estimator.predict(now);
+        estimator.measure_pose(
+            now,
+            &Pose {
+                position: Ned::new(north_m, 0.0, 0.0),
+                sigma_m: 0.05,
+                age: Duration::from_millis(100),
+            },
+        );
+        estimator.estimate().unwrap().position.north_m()
+    };
+    // The first is an outlier.
+    for north_m in [4.0, 0.0, 0.0, 0.0] {
+        see(&mut estimator, north_m);
+    }
+    for step in 0..60 {
+        let is_outlier = step % 3 == 0;
+        let north_m = see(
+            &mut estimator,
+            if is_outlier { f64::from(step) } else { 0.0 },
+        );
+        assert!(north_m.abs() < 0.05, "{step}: {north_m}");
+    }
+    // It moves with 3 m/s, and is where the last pose says that it was 0.1 s ago.
+    let seen: Vec<f64> = (0..3)
+        .map(|step| see(&mut estimator, 10.0 + 0.3 * f64::from(step)))
+        .collect();
+    assert!((seen[2] - 10.9).abs() < 0.05, "{seen:?}");
+    let velocity_mps = estimator.estimate().unwrap().velocity.0.x;
+    assert!((velocity_mps - 3.0).abs() < 0.1, "{velocity_mps}");
+}
