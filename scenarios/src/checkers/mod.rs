@@ -29,6 +29,7 @@ pub(crate) use self::barrier::BarrierChecker;
 use self::bounds::BoundsChecker;
 use self::election::ElectionChecker;
 use self::failure::FailureChecker;
+pub(crate) use self::landing::Wrecks;
 use self::obedience::ObedienceChecker;
 use self::progress::ProgressChecker;
 pub(crate) use self::rc::RcGaps;

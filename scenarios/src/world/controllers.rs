@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use muster_controller::{Controller, Fault, PoseSensor, Truth};
+use muster_controller::{Contact, Controller, Fault, PoseSensor, Truth};
 use muster_machines::identity::NodeId;
 use muster_machines::msp::controller::{LOST_AFTER, Receiver, Stage};
 use muster_machines::msp::{Introduction, PortEvent};
@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::faulty::FaultyController;
 use super::pilot::Pilot;
-use crate::checkers::{RcGaps, Violation};
+use crate::checkers::{RcGaps, Violation, Wrecks};
 use crate::controllers::{config, pose_errors};
 use crate::scenario::{ControllerFault, Scenario};
 
@@ -40,6 +40,7 @@ struct Attached {
     is_lost: bool,
     looked_at: Option<Timestamp>,
     was_armed: bool,
+    wreck: Wrecks,
     gaps: RcGaps,
     figures: PortFigures,
 }
@@ -112,6 +113,7 @@ impl Controllers {
                     is_lost: false,
                     looked_at: None,
                     was_armed: false,
+                    wreck: Wrecks::default(),
                     gaps: RcGaps::default(),
                     figures: PortFigures {
                         opened: 1,
@@ -197,10 +199,11 @@ impl Controllers {
         }
     }
 
-    /// Injects a fault.
-    pub(super) fn fault(&mut self, now: Timestamp, drone: NodeId, fault: Fault) {
+    /// Breaks a drone's aircraft.
+    pub(super) fn wreck(&mut self, now: Timestamp, drone: NodeId) {
         if let Some(attached) = self.get(drone) {
-            attached.faulty.controller.fault(now, fault);
+            attached.wreck.excuse();
+            attached.faulty.controller.fault(now, Fault::Wreck);
         }
     }
 
@@ -218,6 +221,9 @@ impl Controllers {
         if let (ControllerFault::TakeOver, Some(pilot)) = (fault, &mut attached.pilot) {
             pilot.take_over();
         }
+        if let ControllerFault::Freeze | ControllerFault::SagBattery(_) = fault {
+            attached.wreck.excuse();
+        }
         attached.faulty.affect(now, fault, lasts);
     }
 
@@ -233,6 +239,7 @@ impl Controllers {
         let attached = self.get(drone)?;
         let truth = attached.exchange(now, state, tell);
         attached.look_for_loss(now, &truth);
+        attached.wreck.look(truth.contact == Contact::Wreck);
         let is_open = attached.is_identified && state == PortState::Runs;
         let rc_is_due = truth.is_armed && is_open && !attached.is_lost;
         attached.gaps.look(now, rc_is_due);
@@ -249,10 +256,10 @@ impl Controllers {
         None
     }
 
-    /// Whether a drone's controller has waited for RC for too long.
-    pub(super) fn check_rc(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
+    /// Whether a drone's controller has waited for RC for too long, or its aircraft has broken.
+    pub(super) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
         let attached = self.0.get(drone.0 as usize)?.as_ref()?;
-        attached.gaps.check(now, drone)
+        (attached.gaps.check(now, drone)).or_else(|| attached.wreck.check(now, drone))
     }
 
     /// What the port of a drone's flight controller has counted; `None` without one.

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use muster_controller::Fault;
 use muster_machines::identity::NodeId;
 use muster_machines::machine::Stimulus;
 use muster_machines::mission;
@@ -181,7 +180,7 @@ impl Scene {
         let flown = self.controllers.tick(now, drone, state, |event| {
             core.post(drone, Envelope::Msp(Box::new(msp::Input::Port(event))));
         });
-        core.checkers.report(self.controllers.check_rc(now, drone));
+        core.checkers.report(self.controllers.check(now, drone));
         if let Some((truth, until)) = flown {
             self.airspace
                 .observe(core, &mut self.air, drone, &truth, until);
@@ -410,7 +409,7 @@ impl Scene {
         self.end_process(drone);
         let now = self.core.now();
         self.core.recorder(drone).fell(drone, now);
-        self.controllers.fault(now, drone, Fault::Wreck);
+        self.controllers.wreck(now, drone);
         self.airspace.fall(&mut self.core, drone);
         self.check_elections();
     }

@@ -6,6 +6,7 @@ use nalgebra::Vector3;
 
 use super::control::Reference;
 use super::estimator::Estimate;
+use super::touchdown::STILL_MPS;
 use crate::geometry::{Ned, Velocity};
 use crate::motion::{Landing, Motion};
 use crate::msp::Setpoint;
@@ -15,6 +16,8 @@ use crate::time::Timestamp;
 const REST_M: f64 = 0.6;
 /// Largest speed of a vehicle at rest, in m/s.
 const REST_MPS: f64 = 0.4;
+/// Growth of the acceleration that presses a vehicle onto the ground, in m/s³.
+const PRESS_MPS3: f64 = 2.0;
 /// Distance from the reference beyond which it starts anew where the vehicle is, in metres: it could not follow.
 const LEFT_BEHIND_M: f64 = 8.0;
 
@@ -26,6 +29,8 @@ pub(super) struct Guidance {
     motion: Option<Motion>,
     setpoint: Option<Setpoint>,
     is_landing: bool,
+    /// Since when the vehicle has been still where the ground should be.
+    still_since: Option<Timestamp>,
 }
 
 impl Guidance {
@@ -35,6 +40,7 @@ impl Guidance {
             motion: None,
             setpoint: None,
             is_landing: false,
+            still_since: None,
         }
     }
 
@@ -44,6 +50,11 @@ impl Guidance {
 
     pub(super) const fn is_landing(&self) -> bool {
         self.is_landing
+    }
+
+    /// Whether the reference of a landing has come to the ground.
+    pub(super) fn expects_ground(&self, now: Timestamp) -> bool {
+        self.is_landing && self.motion.as_ref().is_some_and(|it| it.is_at_rest(now))
     }
 
     /// End of the current leg.
@@ -88,12 +99,7 @@ impl Guidance {
         let motion = self.motion.as_ref()?;
         let position = motion.position(now);
         if self.is_landing && motion.is_at_rest(now) {
-            // The ground may be lower than it was where it took off, and the barometer drifts.
-            return Some(Reference {
-                position: position.at_altitude(estimate.position.altitude_m()),
-                velocity: Velocity::new(0.0, 0.0, self.landing.final_mps),
-                acceleration: Vector3::zeros(),
-            });
+            return Some(self.ground(now, position, estimate));
         }
         let piece = motion.piece(now).map(|(piece, _)| piece);
         let flown = piece.filter(|piece| now < piece.end);
@@ -102,6 +108,22 @@ impl Guidance {
             velocity: Velocity(motion.velocity(now).unwrap_or_default()),
             acceleration: flown.map_or(Vector3::zeros(), |piece| piece.acceleration()),
         })
+    }
+
+    /// The reference where the ground should be. It may be lower than where the vehicle took off, and the barometer drifts: so
+    /// the vehicle goes on downwards, and is pressed down the more the longer it is still.
+    fn ground(&mut self, now: Timestamp, position: Ned, estimate: &Estimate) -> Reference {
+        let is_still = estimate.velocity.0.z.abs() < STILL_MPS;
+        let since = self.still_since.filter(|_| is_still);
+        self.still_since = is_still.then_some(since.unwrap_or(now));
+        let still_s = self
+            .still_since
+            .map_or(0.0, |since| now.since(since).as_secs_f64());
+        Reference {
+            position: position.at_altitude(estimate.position.altitude_m()),
+            velocity: Velocity::new(0.0, 0.0, self.landing.final_mps),
+            acceleration: Vector3::new(0.0, 0.0, PRESS_MPS3 * still_s),
+        }
     }
 
     /// Continues from where the vehicle is.

@@ -10,6 +10,7 @@ mod estimator;
 mod guidance;
 mod reports;
 mod tether;
+mod touchdown;
 
 use std::time::Duration;
 
@@ -28,6 +29,7 @@ use self::reports::{Reported, Reports};
 pub use self::tether::{
     TETHER_HEIGHT_MAX_M, TETHER_RADIUS_MAX_M, TETHER_THROTTLE_MAX, TETHER_TILT_MAX_RAD,
 };
+use self::touchdown::{Descent, Touchdown};
 use super::{Checkpoint, Event, FlightCommand, Input, Setpoint, Telemetry, Transmit};
 use crate::geometry::{Ned, Velocity};
 use crate::machine::{Machine, Outbox, Output};
@@ -35,12 +37,6 @@ use crate::time::Timestamp;
 
 /// From one control step to the next: 50 Hz, as often as RC frames leave.
 const PERIOD: Duration = Duration::from_millis(20);
-/// How long a vehicle that is pressed down must be still before its motors stop.
-const STILL_FOR: Duration = Duration::from_millis(700);
-/// Vertical speed of a vehicle on the ground, in m/s.
-const STILL_MPS: f64 = 0.25;
-/// Downward acceleration that a vehicle in the air would follow, in m/s².
-const PRESSED_MPS2: f64 = 2.0;
 /// Altitude and climb of a vehicle that has left the ground, in metres and m/s. Until then it is kept level: leaning on the
 /// ground tips it over.
 const LIFTED_M: f64 = 0.5;
@@ -130,7 +126,7 @@ pub struct ControllerLink {
     stepped_at: Timestamp,
     /// It has left the ground.
     has_lifted: bool,
-    still_since: Option<Timestamp>,
+    touchdown: Touchdown,
     last: Option<Telemetry>,
     deadline: Option<Timestamp>,
     outbox: Outbox<Transmit, Event>,
@@ -169,7 +165,7 @@ impl ControllerLink {
             control: Control::new(gains),
             stepped_at: now,
             has_lifted: before.is_some_and(|it| it.setpoint.is_some()),
-            still_since: None,
+            touchdown: Touchdown::default(),
             last: None,
             deadline: None,
             outbox: Outbox::new(),
@@ -291,6 +287,7 @@ impl ControllerLink {
         if reported.armed && !self.arming.has_flown() {
             self.estimator.forget_height();
         }
+        self.estimator.stand(!reported.armed);
         self.authority.take(now, reported);
         self.deadline.get_or_insert(now + PERIOD);
         self.step(now);
@@ -379,7 +376,7 @@ impl ControllerLink {
                 };
                 self.has_lifted |= estimate.position.altitude_m() > LIFTED_M
                     && estimate.velocity.0.z < -LIFTED_MPS;
-                let is_free = self.has_lifted && self.still_since.is_none();
+                let is_free = self.has_lifted && !self.touchdown.is_suspected();
                 let lean = match self.estimator.lost_for(now) {
                     _ if !is_free => Lean::Level,
                     Some(_) => Lean::Steady,
@@ -417,16 +414,17 @@ impl ControllerLink {
         Some(SetRawRc::new(sticks, &aux).expect("two aux channels are within the limit"))
     }
 
-    /// Stops the motors of a vehicle that has landed: it is to go down, and doesn't.
+    /// Stops the motors of a vehicle that has landed.
     fn detect_ground(&mut self, now: Timestamp) {
-        let is_still = self.estimator.estimate().is_some_and(|estimate| {
-            self.guidance.is_landing()
-                && self.control.down_mps2() > PRESSED_MPS2
-                && estimate.velocity.0.z.abs() < STILL_MPS
+        let estimate = self.estimator.estimate();
+        let descent = estimate.filter(|_| self.guidance.is_landing());
+        let descent = descent.map(|estimate| Descent {
+            down_mps2: self.control.down_mps2(),
+            speed_mps: estimate.velocity.0.z,
+            height_age: self.estimator.height_age(now),
+            is_expected: self.guidance.expects_ground(now),
         });
-        if !is_still {
-            self.still_since = None;
-        } else if now.since(*self.still_since.get_or_insert(now)) >= STILL_FOR {
+        if self.touchdown.look(now, descent) {
             self.arming.end();
         }
     }

@@ -16,6 +16,8 @@ const SPEED_MAX_MPS: f64 = 10.0;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Doubt {
     poses: u32,
+    /// Sum of their places.
+    sum: [f64; 3],
     first: Seen,
     last: Seen,
     age: Duration,
@@ -45,12 +47,14 @@ impl Doubt {
         match before {
             Some(doubt) if doubt.last.agrees_with(&last) => Self {
                 poses: doubt.poses + 1,
+                sum: std::array::from_fn(|axis| doubt.sum[axis] + place[axis]),
                 last,
                 age,
                 ..doubt
             },
             _ => Self {
                 poses: 1,
+                sum: place,
                 first: last,
                 last,
                 age,
@@ -58,7 +62,7 @@ impl Doubt {
         }
     }
 
-    /// The motion that the poses tell, once they count.
+    /// The motion that the poses tell, once they count. What differs by no more than errors do is at rest.
     pub(super) fn axes(&self) -> Option<[Axis; 3]> {
         let seconds = self.last.at.since(self.first.at).as_secs_f64();
         if self.poses < POSES || seconds <= 0.0 {
@@ -66,9 +70,14 @@ impl Doubt {
         }
         Some(std::array::from_fn(|axis| {
             let moved_m = self.last.place[axis] - self.first.place[axis];
+            let sigma_m = self.last.sigma_m;
+            if moved_m.abs() <= SIGMAS * sigma_m {
+                let poses = f64::from(self.poses);
+                return Axis::at(self.sum[axis] / poses, sigma_m * sigma_m / poses);
+            }
             let since_m = moved_m / seconds * self.age.as_secs_f64();
             let here_m = self.last.place[axis] + since_m;
-            Axis::moving(here_m, moved_m, seconds, self.last.sigma_m)
+            Axis::moving(here_m, moved_m, seconds, sigma_m)
         }))
     }
 }

@@ -38,6 +38,8 @@ const AGE_MAX: Duration = Duration::from_millis(500);
 const TURN_MAX_RADPS: f64 = 6.98;
 /// Largest tilt that accelerates as it says, in radians: beyond 60°, Betaflight's `angle_limit`, height is not held.
 const LEAN_MAX_RAD: f64 = 1.047;
+/// Noise of the acceleration of a vehicle whose motors are off, in m/s² per √Hz. One that is carried begins anew.
+const STANDING_MPS2: f64 = 0.02;
 /// From one attitude to the next; they may arrive together.
 const ATTITUDE_PERIOD: Duration = Duration::from_millis(80);
 /// Longest prediction in one step, in seconds: beyond it the attitude is stale.
@@ -93,6 +95,8 @@ pub(super) struct Estimator {
     noise: Noise,
     drag_per_s: f64,
     at: Timestamp,
+    /// Whether it stands still.
+    stands: bool,
     /// The newest attitude that is believed.
     tilt: Option<(Timestamp, Tilt)>,
     /// One that came too suddenly. The next one confirms it, or is believed itself.
@@ -124,6 +128,7 @@ impl Estimator {
             noise: config.noise,
             drag_per_s: config.gains.drag_per_s,
             at: now,
+            stands: false,
             tilt: None,
             doubted_tilt: None,
             horizontal: None,
@@ -153,12 +158,18 @@ impl Estimator {
         self.ground_m = self.ground_m.or(here);
     }
 
-    /// Forgets the height: Betaflight counts it from where it was armed.
+    /// Whether its motors are off: then it stands still. It flies until it is told.
+    pub(super) const fn stand(&mut self, stands: bool) {
+        self.stands = stands;
+    }
+
+    /// Forgets the barometer's height: Betaflight counts it from where it was armed.
     pub(super) const fn forget_height(&mut self) {
-        self.vertical = None;
-        self.ground_m = None;
-        self.offset_m = 0.0;
-        self.posed_at = None;
+        if self.posed_at.is_none() {
+            self.vertical = None;
+            self.ground_m = None;
+            self.offset_m = 0.0;
+        }
     }
 
     /// The motion now. `None` before the first height. Before the first position it is home's.
@@ -178,6 +189,14 @@ impl Estimator {
         (self.horizontal.is_none() || since > LOST_AFTER).then_some(since)
     }
 
+    /// Age of the newest height.
+    pub(super) fn height_age(&self, now: Timestamp) -> Duration {
+        now.since(
+            self.posed_at
+                .map_or(self.height_at, |at| at.max(self.height_at)),
+        )
+    }
+
     /// Predicts the motion at `now`.
     pub(super) fn predict(&mut self, now: Timestamp) {
         let seconds = now.since(self.at).as_secs_f64().min(STEP_MAX_S);
@@ -185,13 +204,20 @@ impl Estimator {
         if seconds <= 0.0 {
             return;
         }
-        let acceleration = self.tilt().acceleration_mps2();
+        let (acceleration, noise_mps2, vertical_noise_mps2) = match self.stands {
+            true => ([0.0; 2], STANDING_MPS2, STANDING_MPS2),
+            false => (
+                self.tilt().acceleration_mps2(),
+                self.noise.acceleration_mps2,
+                self.noise.vertical_acceleration_mps2,
+            ),
+        };
         for (axis, by) in self.horizontal.iter_mut().flatten().zip(acceleration) {
             let by = by - self.drag_per_s * axis.velocity_mps;
-            axis.predict(seconds, by, self.noise.acceleration_mps2);
+            axis.predict(seconds, by, noise_mps2);
         }
         if let Some(axis) = &mut self.vertical {
-            axis.predict(seconds, 0.0, self.noise.vertical_acceleration_mps2);
+            axis.predict(seconds, 0.0, vertical_noise_mps2);
         }
         if let Some([north, east]) = self.horizontal {
             let up_m = self.vertical.map_or(0.0, |it| it.position_m);

@@ -181,3 +181,78 @@ fn poses_that_agree_count_more_than_the_estimate_and_outliers_do_not() {
     let velocity_mps = estimator.estimate().unwrap().velocity.0.x;
     assert!((velocity_mps - 3.0).abs() < 0.1, "{velocity_mps}");
 }
+
+#[test]
+fn an_outlier_is_rejected_and_a_position_without_fixes_is_lost() {
+    let mut estimator = estimator();
+    for tenth in 0..20 {
+        let now = at(f64::from(tenth) / 10.0);
+        estimator.predict(now);
+        estimator.measure_gps(now, &fix(0.0, 0.0));
+    }
+    estimator.measure_gps(at(2.0), &fix(500.0, 0.0));
+    assert!(estimator.estimate().unwrap().position.north_m().abs() < 0.5);
+    assert_eq!(estimator.lost_for(at(2.5)), None);
+    assert!(estimator.lost_for(at(3.0)).is_some());
+    let bad = RawGps {
+        satellites: 4,
+        ..fix(0.0, 0.0)
+    };
+    estimator.measure_gps(at(3.0), &bad);
+    assert!(estimator.lost_for(at(3.0)).is_some(), "too few satellites");
+}
+
+#[test]
+fn an_attitude_that_no_vehicle_can_have_is_rejected() {
+    let mut estimator = estimator();
+    let turned = Attitude {
+        roll_ddeg: 1_900,
+        ..Attitude::default()
+    };
+    estimator.measure_attitude(at(0.0), &turned);
+    assert!(estimator.tilt().roll_rad.abs() < f64::EPSILON);
+}
+
+#[test]
+fn a_turn_that_no_vehicle_can_make_is_believed_when_the_next_attitude_confirms_it() {
+    let attitude = |yaw_deg| Attitude {
+        yaw_deg,
+        ..Attitude::default()
+    };
+    let mut estimator = estimator();
+    let mut yaw_deg = |seconds, yaw_deg| {
+        estimator.measure_attitude(at(seconds), &attitude(yaw_deg));
+        estimator.tilt().yaw_rad.to_degrees().round() as i16
+    };
+    assert_eq!(yaw_deg(0.0, 359), 359);
+    assert_eq!(yaw_deg(0.1, 10), 10, "11° in 0.1 s");
+    assert_eq!(yaw_deg(0.2, 120), 10, "110° in 0.1 s");
+    assert_eq!(yaw_deg(0.3, 12), 12);
+    assert_eq!(yaw_deg(0.4, 120), 12);
+    assert_eq!(yaw_deg(0.5, 121), 121);
+}
+
+#[test]
+fn vehicle_that_lies_on_its_side_is_not_taken_to_vanish() {
+    let side = Tilt {
+        roll_rad: TAU / 4.0,
+        ..Tilt::default()
+    };
+    let [north, east] = side.acceleration_mps2();
+    assert!(north.abs() < 1e-9 && (east - 16.98).abs() < 0.01);
+}
+
+#[test]
+fn tilt_accelerates_to_where_it_leans() {
+    let tilt = |roll_deg: f64, nose_down_deg: f64, yaw_deg: f64| Tilt {
+        roll_rad: roll_deg.to_radians(),
+        nose_down_rad: nose_down_deg.to_radians(),
+        yaw_rad: yaw_deg.to_radians(),
+    };
+    let [north, east] = tilt(0.0, 10.0, 0.0).acceleration_mps2();
+    assert!((north - 1.729).abs() < 1e-3 && east.abs() < 1e-9);
+    let [north, east] = tilt(0.0, 10.0, 90.0).acceleration_mps2();
+    assert!(north.abs() < 1e-9 && (east - 1.729).abs() < 1e-3);
+    let [north, east] = tilt(10.0, 0.0, 0.0).acceleration_mps2();
+    assert!(north.abs() < 1e-9 && (east - 1.729).abs() < 1e-3);
+}
