@@ -6,7 +6,6 @@ use nalgebra::Vector3;
 
 use super::control::Reference;
 use super::estimator::Estimate;
-use super::touchdown::STILL_MPS;
 use crate::geometry::{Ned, Velocity};
 use crate::motion::{Landing, Motion};
 use crate::msp::Setpoint;
@@ -17,7 +16,9 @@ const REST_M: f64 = 0.6;
 /// Largest speed of a vehicle at rest, in m/s.
 const REST_MPS: f64 = 0.4;
 /// Growth of the acceleration that presses a vehicle onto the ground, in m/s³.
-const PRESS_MPS3: f64 = 2.0;
+const PRESS_MPS3: f64 = 4.0;
+/// How long a vehicle must be still before it is pressed: one that sinks slowly isn't.
+const STILL_FOR: Duration = Duration::from_secs(1);
 /// Distance from the reference beyond which it starts anew where the vehicle is, in metres: it could not follow.
 const LEFT_BEHIND_M: f64 = 8.0;
 
@@ -29,8 +30,6 @@ pub(super) struct Guidance {
     motion: Option<Motion>,
     setpoint: Option<Setpoint>,
     is_landing: bool,
-    /// Since when the vehicle has been still where the ground should be.
-    still_since: Option<Timestamp>,
 }
 
 impl Guidance {
@@ -40,7 +39,6 @@ impl Guidance {
             motion: None,
             setpoint: None,
             is_landing: false,
-            still_since: None,
         }
     }
 
@@ -88,8 +86,14 @@ impl Guidance {
             .get_or_insert_with(|| Motion::at_rest(estimate.position))
     }
 
-    /// Where the vehicle should be. `None` on the ground, before the first setpoint.
-    pub(super) fn reference(&mut self, now: Timestamp, estimate: &Estimate) -> Option<Reference> {
+    /// Where the vehicle should be. `None` on the ground, before the first setpoint. `still_for`: how long it has been still in
+    /// a landing.
+    pub(super) fn reference(
+        &mut self,
+        now: Timestamp,
+        estimate: &Estimate,
+        still_for: Duration,
+    ) -> Option<Reference> {
         let motion = self.motion.as_mut()?;
         motion.forget(now);
         let is_left_behind = motion.position(now).distance_m(estimate.position) > LEFT_BEHIND_M;
@@ -99,7 +103,7 @@ impl Guidance {
         let motion = self.motion.as_ref()?;
         let position = motion.position(now);
         if self.is_landing && motion.is_at_rest(now) {
-            return Some(self.ground(now, position, estimate));
+            return Some(self.ground(position, estimate, still_for));
         }
         let piece = motion.piece(now).map(|(piece, _)| piece);
         let flown = piece.filter(|piece| now < piece.end);
@@ -112,17 +116,12 @@ impl Guidance {
 
     /// The reference where the ground should be. It may be lower than where the vehicle took off, and the barometer drifts: so
     /// the vehicle goes on downwards, and is pressed down the more the longer it is still.
-    fn ground(&mut self, now: Timestamp, position: Ned, estimate: &Estimate) -> Reference {
-        let is_still = estimate.velocity.0.z.abs() < STILL_MPS;
-        let since = self.still_since.filter(|_| is_still);
-        self.still_since = is_still.then_some(since.unwrap_or(now));
-        let still_s = self
-            .still_since
-            .map_or(0.0, |since| now.since(since).as_secs_f64());
+    fn ground(&self, position: Ned, estimate: &Estimate, still_for: Duration) -> Reference {
+        let pressed_s = still_for.saturating_sub(STILL_FOR).as_secs_f64();
         Reference {
             position: position.at_altitude(estimate.position.altitude_m()),
             velocity: Velocity::new(0.0, 0.0, self.landing.final_mps),
-            acceleration: Vector3::new(0.0, 0.0, PRESS_MPS3 * still_s),
+            acceleration: Vector3::new(0.0, 0.0, PRESS_MPS3 * pressed_s),
         }
     }
 

@@ -368,7 +368,8 @@ impl ControllerLink {
             // Right after a restart in the air.
             return self.control.level(tilt);
         };
-        match self.guidance.reference(now, &estimate) {
+        let still_for = self.touchdown.still_for(now);
+        match self.guidance.reference(now, &estimate, still_for) {
             Some(reference) => {
                 let reference = match (self.stage, self.start) {
                     (Stage::Tethered, Some(start)) => tether::reference(start, reference),
@@ -376,7 +377,7 @@ impl ControllerLink {
                 };
                 self.has_lifted |= estimate.position.altitude_m() > LIFTED_M
                     && estimate.velocity.0.z < -LIFTED_MPS;
-                let is_free = self.has_lifted && !self.touchdown.is_suspected();
+                let is_free = self.has_lifted && !self.touchdown.is_pressed();
                 let lean = match self.estimator.lost_for(now) {
                     _ if !is_free => Lean::Level,
                     Some(_) => Lean::Steady,
@@ -420,7 +421,7 @@ impl ControllerLink {
         let descent = estimate.filter(|_| self.guidance.is_landing());
         let descent = descent.map(|estimate| Descent {
             down_mps2: self.control.down_mps2(),
-            speed_mps: estimate.velocity.0.z,
+            height_m: estimate.position.altitude_m(),
             height_age: self.estimator.height_age(now),
             is_expected: self.guidance.expects_ground(now),
         });

@@ -4,12 +4,12 @@ use std::time::Duration;
 
 use crate::time::Timestamp;
 
-/// Vertical speed of a vehicle on the ground, in m/s.
-pub(super) const STILL_MPS: f64 = 0.25;
-/// Downward acceleration that a vehicle in the air would follow, in m/s²: in the shortest time below, to ten times
-/// [`STILL_MPS`].
+/// How far the height of a vehicle on the ground may seem to change, in metres: the noise of its estimate.
+const STILL_M: f64 = 0.3;
+/// Downward acceleration that a vehicle in the air would follow, in m/s²: in the shortest time below, by three times
+/// [`STILL_M`].
 const PRESSED_MPS2: f64 = 3.5;
-/// How long a vehicle that is pressed down must be still where the ground should be.
+/// How long a vehicle must be still and pressed down where the ground should be.
 const EXPECTED_FOR: Duration = Duration::from_millis(700);
 /// The same above or below: the ground is not level.
 const ELSEWHERE_FOR: Duration = Duration::from_secs(2);
@@ -21,9 +21,9 @@ const HEIGHT_AGE_MAX: Duration = Duration::from_millis(300);
 pub(super) struct Descent {
     /// The acceleration downwards that its sticks ask for, in m/s².
     pub(super) down_mps2: f64,
-    /// Its vertical speed, in m/s.
-    pub(super) speed_mps: f64,
-    /// Age of the newest height.
+    /// Its height, in metres.
+    pub(super) height_m: f64,
+    /// Age of the newest measured height.
     pub(super) height_age: Duration,
     /// Whether its reference has come to the ground.
     pub(super) is_expected: bool,
@@ -32,31 +32,42 @@ pub(super) struct Descent {
 /// Looks for the ground: the vehicle is to go down, and doesn't.
 #[derive(Debug, Default)]
 pub(super) struct Touchdown {
-    still_since: Option<Timestamp>,
+    /// Since when it has been still, and at which height.
+    still: Option<(Timestamp, f64)>,
+    pressed_since: Option<Timestamp>,
 }
 
 impl Touchdown {
-    /// Whether the vehicle may stand on the ground.
-    pub(super) const fn is_suspected(&self) -> bool {
-        self.still_since.is_some()
+    /// Whether the vehicle is pressed down, and may stand on the ground.
+    pub(super) const fn is_pressed(&self) -> bool {
+        self.pressed_since.is_some()
+    }
+
+    /// How long a vehicle that lands has been still.
+    pub(super) fn still_for(&self, now: Timestamp) -> Duration {
+        (self.still).map_or(Duration::ZERO, |(since, _)| now.since(since))
     }
 
     /// Whether the vehicle stands on the ground. `None`: it doesn't land, or nothing is known of it.
     pub(super) fn look(&mut self, now: Timestamp, descent: Option<Descent>) -> bool {
-        let descent = descent.filter(|it| {
-            it.down_mps2 > PRESSED_MPS2
-                && it.speed_mps.abs() < STILL_MPS
-                && it.height_age <= HEIGHT_AGE_MAX
-        });
-        let Some(descent) = descent else {
-            self.still_since = None;
+        let Some(descent) = descent.filter(|it| it.height_age <= HEIGHT_AGE_MAX) else {
+            *self = Self::default();
             return false;
         };
+        let is_near = |height_m: f64| (height_m - descent.height_m).abs() < STILL_M;
+        if !self.still.is_some_and(|(_, height_m)| is_near(height_m)) {
+            self.still = Some((now, descent.height_m));
+            self.pressed_since = None;
+        }
+        if descent.down_mps2 < PRESSED_MPS2 {
+            self.pressed_since = None;
+            return false;
+        }
         let lasts = match descent.is_expected {
             true => EXPECTED_FOR,
             false => ELSEWHERE_FOR,
         };
-        now.since(*self.still_since.get_or_insert(now)) >= lasts
+        now.since(*self.pressed_since.get_or_insert(now)) >= lasts
     }
 }
 
@@ -66,7 +77,7 @@ mod tests {
 
     const STANDING: Descent = Descent {
         down_mps2: 4.0,
-        speed_mps: 0.1,
+        height_m: 0.1,
         height_age: Duration::from_millis(100),
         is_expected: true,
     };
@@ -88,27 +99,32 @@ mod tests {
             ..STANDING
         };
         assert_eq!(found_after(|_| elsewhere), Some(2_000));
+        let seems_to_move = |now: u64| Descent {
+            height_m: if now % 200 < 100 { 0.2 } else { 0.0 },
+            ..STANDING
+        };
+        assert_eq!(found_after(seems_to_move), Some(700));
     }
 
     #[test]
     fn a_vehicle_that_moves_or_is_not_pressed_or_not_measured_does_not() {
-        let sinks = Descent {
-            speed_mps: 0.4,
+        let sinks = |now: u64| Descent {
+            height_m: 10.0 - 0.5 * now as f64 / 1_000.0,
             ..STANDING
         };
+        assert_eq!(found_after(sinks), None);
         let hovers = Descent {
             down_mps2: 2.0,
             ..STANDING
         };
+        assert_eq!(found_after(|_| hovers), None);
         let is_unseen = Descent {
             height_age: Duration::from_millis(400),
             ..STANDING
         };
-        for descent in [sinks, hovers, is_unseen] {
-            assert_eq!(found_after(|_| descent), None, "{descent:?}");
-        }
-        // It is still for half a second at a time.
-        let stops = |now: u64| if now % 600 < 500 { STANDING } else { sinks };
+        assert_eq!(found_after(|_| is_unseen), None);
+        // It is pressed for half a second at a time.
+        let stops = |now: u64| if now % 600 < 500 { STANDING } else { hovers };
         assert_eq!(found_after(stops), None);
     }
 }
