@@ -106,8 +106,10 @@ pub(super) struct Estimator {
     /// Up, from where the barometer counts.
     vertical: Option<Axis>,
     past: Past,
-    /// Poses that agree with each other, but not with the estimate.
-    doubt: Option<Doubt>,
+    /// Poses that agree with each other, but not with the estimate; so of fixes and the controller's heights.
+    doubted_pose: Option<Doubt<3>>,
+    doubted_fix: Option<Doubt<2>>,
+    doubted_height: Option<Doubt<1>>,
     /// The barometer's altitude on the ground, in metres.
     ground_m: Option<f64>,
     /// The newest accepted position.
@@ -134,7 +136,9 @@ impl Estimator {
             horizontal: None,
             vertical: None,
             past: Past::default(),
-            doubt: None,
+            doubted_pose: None,
+            doubted_fix: None,
+            doubted_height: None,
             ground_m,
             fixed_at: now,
             height_at: now,
@@ -266,16 +270,23 @@ impl Estimator {
         }
         let height_m = height_m + self.offset_m;
         let sigma_m = self.noise.height_m;
-        let is_stale = now.since(self.height_at) > LOST_AFTER;
         let axis = match &mut self.vertical {
-            Some(axis) if !is_stale => axis,
-            lost => lost.insert(Axis::at(height_m, sigma_m * sigma_m)),
+            Some(axis) => axis,
+            none => none.insert(Axis::at(height_m, sigma_m * sigma_m)),
         };
         if axis.measure_position(height_m, sigma_m) {
             let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
             axis.measure_velocity(climb_mps, self.noise.climb_mps);
-            self.height_at = now;
+            self.doubted_height = None;
+        } else {
+            let error = (sigma_m, Duration::ZERO);
+            let Some([begun]) = doubt::begin(&mut self.doubted_height, now, [height_m], error)
+            else {
+                return;
+            };
+            *axis = begun;
         }
+        self.height_at = now;
     }
 
     /// Takes in a fix. One without enough satellites, off the Earth or far from home is rejected.
@@ -328,14 +339,12 @@ impl Estimator {
             if let Some(by_m) = correct([north, east, up], innovations, sigma_m) {
                 self.past.shift(&by_m);
                 (self.fixed_at, self.posed_at) = (now, Some(now));
-                self.doubt = None;
+                self.doubted_pose = None;
                 return;
             }
         }
-        let doubt = Doubt::of(self.doubt.take(), now, place, (sigma_m, age));
-        match doubt.axes() {
-            Some(axes) => self.begin(now, axes),
-            None => self.doubt = Some(doubt),
+        if let Some(axes) = doubt::begin(&mut self.doubted_pose, now, place, (sigma_m, age)) {
+            self.begin(now, axes);
         }
     }
 
@@ -344,7 +353,6 @@ impl Estimator {
         (self.horizontal, self.vertical) = (Some([north, east]), Some(up));
         self.past = Past::default();
         (self.fixed_at, self.posed_at) = (now, Some(now));
-        self.doubt = None;
     }
 
     /// Whether poses tell the height.
@@ -361,20 +369,25 @@ impl Estimator {
             ..
         } = self.noise;
         let past = self.past.before(now, gps_delay);
-        let is_lost = now.since(self.fixed_at) > LOST_AFTER;
-        let (Some([north, east]), Some(past), false) = (&mut self.horizontal, past, is_lost) else {
-            let variance_m2 = position_m * position_m;
-            self.horizontal = Some([to_north, to_east].map(|it| Axis::at(it, variance_m2)));
-            self.past = Past::default();
+        let place = [to_north, to_east];
+        let (Some([north, east]), Some(past)) = (&mut self.horizontal, past) else {
+            self.horizontal = Some(place.map(|it| Axis::at(it, position_m * position_m)));
             self.fixed_at = now;
             return false;
         };
         let innovations = [to_north - past[0], to_east - past[1]];
-        let corrected = correct([north, east], innovations, position_m);
-        if let Some(by_m) = corrected {
+        if let Some(by_m) = correct([north, east], innovations, position_m) {
             self.past.shift(&by_m);
+            self.doubted_fix = None;
+            self.fixed_at = now;
+            return true;
+        }
+        let error = (position_m, gps_delay);
+        if let Some(axes) = doubt::begin(&mut self.doubted_fix, now, place, error) {
+            self.horizontal = Some(axes);
+            self.past = Past::default();
             self.fixed_at = now;
         }
-        corrected.is_some()
+        false
     }
 }
