@@ -6,10 +6,10 @@ use std::fmt::Debug;
 use muster_msp::{
     AdvancedConfig, Altitude, Analog, ApiVersion, ArmingConfig, Attitude, BatteryConfig,
     BatteryState, BoardInfo, BoxIds, BoxNames, CfSerialConfig, CompGps, Decode, Decoder, Encode,
-    FRAME_MAX, FRAME_TIME_MAX, FailsafeConfig, FcVariant, FcVersion, FeatureConfig, ModeRanges, Motor, Name,
-    OpticFlow, REQUEST_MAX, RangefinderSample, RawGps, RawImu, Rc, Reboot, ReceivedMotors,
-    ReceivedRc, RxConfig, RxFailConfig, RxMap, Sonar, Status, StatusEx, Uid, Version, encode,
-    reply,
+    FRAME_MAX, FRAME_TIME_MAX, FailsafeConfig, FcVariant, FcVersion, FeatureConfig, ModeRanges,
+    Motor, Name, OpticFlow, PidAdvanced, REQUEST_MAX, RangefinderSample, RawGps, RawImu, Rc,
+    RcTuning, Reboot, ReceivedMotors, ReceivedRc, RxConfig, RxFailConfig, RxMap, Sonar, Status,
+    StatusEx, Uid, Version, encode, reply,
 };
 
 /// The pieces in which the stream is read once more, in bytes.
@@ -84,6 +84,8 @@ fn read_payload(payload: &[u8]) {
         FeatureConfig,
         CfSerialConfig,
         AdvancedConfig,
+        RcTuning,
+        PidAdvanced,
         Sonar,
         ArmingConfig,
         RangefinderSample,

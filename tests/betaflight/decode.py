@@ -31,6 +31,11 @@ def _attributes(client):
         75: lambda: [client.FAILSAFE_CONFIG[key] for key in (
             "failsafe_delay", "failsafe_off_delay", "failsafe_throttle", "failsafe_switch_mode", "failsafe_throttle_low_delay",
             "failsafe_procedure")],
+        94: lambda: [client.ADVANCED_TUNING["levelAngleLimit"]],
+        111: lambda: [client.RC_TUNING[key] for key in (
+            "RC_RATE", "RC_EXPO", "roll_rate", "pitch_rate", "yaw_rate", "throttle_MID", "throttle_EXPO", "RC_YAW_EXPO", "rcYawRate",
+            "rcPitchRate", "RC_PITCH_EXPO", "throttleLimitType", "throttleLimitPercent", "roll_rate_limit", "pitch_rate_limit",
+            "yaw_rate_limit")],
         77: lambda: [[channel["mode"], channel["value"]] for channel in client.RXFAIL_CONFIG],
         101: lambda: [config[key] for key in status],
         102: lambda: [*sensors["accelerometer"], *sensors["gyroscope"], *sensors["magnetometer"]],

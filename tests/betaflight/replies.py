@@ -18,7 +18,11 @@ CONFIGURATION = [
     "set failsafe_landing_time = 20", "set failsafe_throttle_low_delay = 50", "set failsafe_switch_mode = KILL",
     "set min_check = 1040", "set max_check = 1910", "set mid_rc = 1502", "set rx_min_usec = 900", "set rx_max_usec = 2100",
     "rxfail 3 s 1300", "rxfail 5 s 1000", "aux 3 27 4 1300 1700 0 0", "set auto_disarm_delay = 7", "feature MOTOR_STOP",
-    "set msp_override_channels_mask = 47", "aux 2 50 2 1700 2100 0 0"]
+    "set msp_override_channels_mask = 47", "aux 2 50 2 1700 2100 0 0",
+    "set rates_type = QUICK", "set roll_rc_rate = 71", "set pitch_rc_rate = 72", "set yaw_rc_rate = 73", "set roll_expo = 11",
+    "set pitch_expo = 12", "set yaw_expo = 13", "set roll_srate = 61", "set pitch_srate = 62", "set yaw_srate = 63",
+    "set roll_rate_limit = 1001", "set pitch_rate_limit = 1002", "set yaw_rate_limit = 1003", "set throttle_limit_type = CLIP",
+    "set throttle_limit_percent = 98", "set thr_mid = 51", "set thr_hover = 52", "set thr_expo = 3", "set angle_limit = 41"]
 # Message: what starts the lines of `dump all` that say the same.
 MESSAGES = {
     "API_VERSION": [], "FC_VARIANT": ["# Betaflight"], "FC_VERSION": ["# Betaflight"],
@@ -31,6 +35,11 @@ MESSAGES = {
                   "set rx_max_usec", "set airmode_start_throttle", "set fpv_mix_degrees", "set rc_smoothing"],
     "CF_SERIAL_CONFIG": ["serial "], "SONAR": [], "ARMING_CONFIG": ["set auto_disarm_delay", "set small_angle", "set gyro_cal_on_first_arm"],
     "RX_MAP": ["map "], "FAILSAFE_CONFIG": ["set failsafe_"], "RXFAIL_CONFIG": ["rxfail "],
+    "RC_TUNING": ["set rates_type", "set roll_rc_rate", "set pitch_rc_rate", "set yaw_rc_rate", "set roll_expo", "set pitch_expo",
+                  "set yaw_expo", "set roll_srate", "set pitch_srate", "set yaw_srate", "set roll_rate_limit",
+                  "set pitch_rate_limit", "set yaw_rate_limit", "set thr_mid", "set thr_expo", "set thr_hover",
+                  "set throttle_limit"],
+    "PID_ADVANCED": ["set angle_limit"],
     "STATUS": [], "RAW_IMU": [], "MOTOR": [], "RC": [], "RAW_GPS": [], "ATTITUDE": [], "ALTITUDE": [], "ANALOG": [],
     "BOXNAMES": [], "BOXIDS": [], "BATTERY_STATE": [], "STATUS_EX": [], "UID": []}
 
@@ -51,6 +60,14 @@ def raw(link, request):
         link.read(0.1)
     link.buffer.clear()
     return b"".join(link.chunks)
+
+
+def first_profile(lines):
+    """Without the settings of further profiles; the first one is active."""
+    first = {}
+    for line in lines:
+        first.setdefault(line.split(" = ")[0], line)
+    return list(first.values())
 
 
 def entry(kind, name, request, reply, cli):
@@ -74,7 +91,7 @@ dump = [line.strip() for line in flight.firmware.cli(["dump all"])[0].splitlines
 time.sleep(0.3)
 link, decoder, entries = msp.Link(), decode.Decoder(), []
 for name, starts in MESSAGES.items():
-    code, cli = getattr(msp, name), [line for line in dump if line.startswith(tuple(starts))] if starts else []
+    code, cli = getattr(msp, name), first_profile(line for line in dump if starts and line.startswith(tuple(starts)))
     request = msp.frame(code)
     entries.append(entry("v1", name, request, raw(link, request), cli))
 for kind, name, request in OTHERS:

@@ -10,7 +10,7 @@ import msp
 PATH = firmware.program()
 HERE = firmware.HERE
 MESSAGES = {"MODE_RANGES": 34, "FEATURE_CONFIG": 36, "RX_CONFIG": 44, "CF_SERIAL_CONFIG": 54, "ARMING_CONFIG": 61, "RX_MAP": 64,
-            "FAILSAFE_CONFIG": 75, "RXFAIL_CONFIG": 77, "BATTERY_CONFIG": 32}
+            "FAILSAFE_CONFIG": 75, "RXFAIL_CONFIG": 77, "BATTERY_CONFIG": 32, "PID_ADVANCED": 94, "RC_TUNING": 111}
 
 
 def state(configuration):

@@ -4,7 +4,7 @@ use crate::field::Payload;
 use crate::message::{
     AdvancedConfig, ApiVersion, ArmingConfig, BatteryConfig, BoardInfo, BoxIds, CfSerialConfig,
     Decode, Encode, FailsafeConfig, FcVariant, FcVersion, FeatureConfig, Message, ModeRanges,
-    RxConfig, RxFailConfig, RxMap,
+    PidAdvanced, RcTuning, RxConfig, RxFailConfig, RxMap,
 };
 
 /// Something that a controller can be asked through.
@@ -90,7 +90,27 @@ impl Identity {
     /// and newer. Older firmware holds them for ever.
     #[must_use]
     pub fn override_falls_back(&self) -> bool {
-        self.variant.variant.0 == *b"BTFL" && self.version.release() >= (26, 6)
+        self.is_betaflight() && self.version.release() >= (26, 6)
+    }
+
+    /// Whether the firmware is Betaflight.
+    #[must_use]
+    pub fn is_betaflight(&self) -> bool {
+        self.variant.variant.0 == *b"BTFL"
+    }
+
+    /// Whether the mode ANGLE leans by the rates in force, as [`StickResponse`](crate::StickResponse) says: Betaflight 4.5.2 and
+    /// newer. 4.4 leans in proportion to the stick; 4.5.0 and 4.5.1 divide by the largest rate of an earlier rate profile
+    /// (Betaflight's change 13862).
+    #[must_use]
+    pub fn leans_by_rates(&self) -> bool {
+        let FcVersion {
+            major,
+            minor,
+            patch,
+            ..
+        } = self.version;
+        self.is_betaflight() && (major, minor, patch) >= (4, 5, 2)
     }
 }
 
@@ -128,12 +148,16 @@ pub struct Configuration {
     pub serial: CfSerialConfig,
     /// Motors.
     pub motors: AdvancedConfig,
+    /// Rates.
+    pub rates: RcTuning,
+    /// Largest tilt.
+    pub angle: PidAdvanced,
     /// What only the command line tells; `None` if it wasn't asked.
     pub override_settings: Option<OverrideSettings>,
 }
 
 impl Configuration {
-    /// Asks for all of it but the override's settings: 15 or 16 requests.
+    /// Asks for all of it but the override's settings: 17 or 18 requests.
     ///
     /// # Errors
     /// Those of [`Ask::ask`].
@@ -150,6 +174,8 @@ impl Configuration {
             battery: ask(controller)?,
             serial: ask(controller)?,
             motors: ask(controller)?,
+            rates: ask(controller)?,
+            angle: ask(controller)?,
             override_settings: None,
         })
     }
@@ -169,6 +195,8 @@ impl Configuration {
         append(&self.battery, &mut bytes);
         append(&self.serial, &mut bytes);
         append(&self.motors, &mut bytes);
+        append(&self.rates, &mut bytes);
+        append(&self.angle, &mut bytes);
         bytes
     }
 }

@@ -14,6 +14,7 @@ mod decoder;
 mod field;
 mod frame;
 mod message;
+mod response;
 mod schedule;
 
 pub use channels::{
@@ -29,4 +30,5 @@ pub use frame::{
     encode, order, refuse, reply, request,
 };
 pub use message::*;
+pub use response::StickResponse;
 pub use schedule::{QUERIES, Query, RC_HOLD, RC_PERIOD, Schedule, TICK, Write};

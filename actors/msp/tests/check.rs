@@ -4,8 +4,8 @@ use muster_msp::check::{Finding, ReceiverMode, check};
 use muster_msp::{
     AdvancedConfig, Ask, BatteryConfig, CellLimits, CfSerialConfig, Configuration, Decode, Decoder,
     Encode, FailsafeConfig, FailsafeProcedure, FcVersion, FeatureConfig, Identity, Letters, Mode,
-    ModeRange, ModeRanges, MotorProtocol, OverrideSettings, RxConfig, RxFail, RxFailConfig,
-    RxFailMode, RxMap, SerialPort, Version, order,
+    ModeRange, ModeRanges, MotorProtocol, OverrideSettings, PidAdvanced, RatesType, RcTuning,
+    RxConfig, RxFail, RxFailConfig, RxFailMode, RxMap, SerialPort, ThrottleLimit, Version, order,
 };
 use serde::Deserialize;
 
@@ -32,15 +32,20 @@ fn port(identifier: u8, functions: u16, msp_speed: u8) -> SerialPort {
     }
 }
 
+fn version(major: u8, minor: u8, patch: u8) -> FcVersion {
+    FcVersion {
+        major,
+        minor,
+        patch,
+        ..FcVersion::default()
+    }
+}
+
 /// A safe craft that MSP alone flies.
 fn sole() -> Configuration {
     let mut identity = Identity::default();
     identity.variant.variant = Letters(*b"BTFL");
-    identity.version = FcVersion {
-        major: 4,
-        minor: 6,
-        ..FcVersion::default()
-    };
+    identity.version = version(4, 6, 0);
     identity.board.board = Letters(*b"S405");
     let mut channels = vec![lost(RxFailMode::Auto, 1500); 4];
     channels.resize(18, lost(RxFailMode::Hold, 1500));
@@ -53,6 +58,7 @@ fn sole() -> Configuration {
         receiver: RxConfig {
             min_check_us: 1050,
             max_check_us: 1900,
+            centre_us: 1500,
             rx_min_us: 885,
             rx_max_us: 2115,
             ..RxConfig::default()
@@ -89,6 +95,23 @@ fn sole() -> Configuration {
             motor_protocol: MotorProtocol::Dshot300,
             ..AdvancedConfig::default()
         },
+        rates: RcTuning {
+            roll_rc_rate: 7,
+            srates: [67; 3],
+            throttle_mid: 50,
+            yaw_rc_rate: 7,
+            pitch_rc_rate: Some(7),
+            pitch_expo: Some(0),
+            throttle_limit: Some(ThrottleLimit::Off),
+            rate_limits_dps: Some([1998; 3]),
+            rates_type: Some(RatesType::Actual),
+            throttle_hover: Some(50),
+            ..RcTuning::default()
+        },
+        angle: PidAdvanced {
+            angle_limit_deg: 60,
+            ..PidAdvanced::default()
+        },
         ..Configuration::default()
     }
 }
@@ -97,11 +120,7 @@ fn sole() -> Configuration {
 fn overridden() -> Configuration {
     let mut craft = sole();
     craft.features.features = FeatureConfig::RX_SERIAL;
-    craft.identity.version = FcVersion {
-        major: 26,
-        minor: 6,
-        ..FcVersion::default()
-    };
+    craft.identity.version = version(26, 6, 0);
     craft.identity.boxes.modes = vec![Mode::Arm, Mode::Angle, Mode::MspOverride];
     craft
         .ranges
@@ -205,6 +224,63 @@ const SOLE: [(&str, Change); 25] = [
     }),
 ];
 
+const STICKS: [(&str, Change); 18] = [
+    ("angle-firmware", |it| {
+        it.identity.version = version(4, 4, 3);
+    }),
+    ("angle-firmware", |it| {
+        it.identity.version = version(4, 5, 1);
+    }),
+    ("mid_rc", |it| {
+        it.receiver.centre_us = 1400;
+    }),
+    ("rates", |it| {
+        it.rates.rates_type = Some(RatesType::Betaflight);
+    }),
+    ("rates", |it| {
+        it.rates.rates_type = None;
+    }),
+    ("rates", |it| {
+        it.rates.roll_rc_rate = 67;
+    }),
+    ("rates", |it| {
+        it.rates.pitch_rc_rate = Some(6);
+    }),
+    ("rates", |it| {
+        it.rates.srates[0] = 20;
+    }),
+    ("rates", |it| {
+        it.rates.srates[1] = 100;
+    }),
+    ("rates", |it| {
+        it.rates.roll_expo = 54;
+    }),
+    ("rates", |it| {
+        it.rates.pitch_expo = Some(1);
+    }),
+    ("rates", |it| {
+        it.rates.rate_limits_dps = Some([669, 1998, 1998]);
+    }),
+    ("rates", |it| {
+        it.rates.rate_limits_dps = Some([1998, 200, 1998]);
+    }),
+    ("angle_limit", |it| {
+        it.angle.angle_limit_deg = 80;
+    }),
+    ("angle_limit", |it| {
+        it.angle.angle_limit_deg = 59;
+    }),
+    ("throttle-curve", |it| {
+        it.rates.throttle_limit = Some(ThrottleLimit::Scale);
+    }),
+    ("throttle-curve", |it| {
+        it.rates.throttle_expo = 30;
+    }),
+    ("throttle-curve", |it| {
+        it.rates.throttle_hover = Some(30);
+    }),
+];
+
 const OF_ANY_CRAFT: [(&str, Change); 11] = [
     ("small-angle", |it| {
         it.arming.small_angle_deg = 180;
@@ -252,11 +328,7 @@ const OVERRIDDEN: [(&str, Change); 11] = [
         it.identity.version.major = 25;
     }),
     ("override-fallback", |it| {
-        it.identity.version = FcVersion {
-            major: 4,
-            minor: 6,
-            ..FcVersion::default()
-        };
+        it.identity.version = version(4, 6, 0);
     }),
     ("override-unread", |it| {
         it.override_settings = None;
@@ -297,6 +369,7 @@ fn settings(craft: &mut Configuration) -> &mut OverrideSettings {
 fn each_unsafe_setting_is_found_alone() {
     let cases = [
         (sole as fn() -> Configuration, ReceiverMode::Sole, &SOLE[..]),
+        (sole, ReceiverMode::Sole, &STICKS),
         (sole, ReceiverMode::Sole, &OF_ANY_CRAFT),
         (overridden, ReceiverMode::Override, &OVERRIDDEN),
         (overridden, ReceiverMode::Override, &OF_ANY_CRAFT),
@@ -309,6 +382,46 @@ fn each_unsafe_setting_is_found_alone() {
             assert_eq!(rules(&findings), [*rule], "{mode}: {findings:?}");
             assert!(!findings[0].set.is_empty());
         }
+    }
+}
+
+/// Yaw is left centred, a straight throttle may have its middle anywhere, and older firmware has no `thr_hover`.
+#[test]
+fn rates_that_flight_by_sticks_does_not_use_are_free() {
+    let free: [Change; 4] = [
+        |it| it.rates.srates[2] = 40,
+        |it| (it.rates.yaw_rc_rate, it.rates.yaw_expo) = (20, 30),
+        |it| (it.rates.throttle_mid, it.rates.throttle_hover) = (30, Some(30)),
+        |it| (it.rates.throttle_mid, it.rates.throttle_hover) = (30, None),
+    ];
+    for change in free {
+        let mut craft = sole();
+        change(&mut craft);
+        assert_eq!(check(&craft, ReceiverMode::Sole), []);
+    }
+}
+
+#[test]
+fn a_finding_about_rates_names_and_mends_only_what_differs() {
+    let mut craft = sole();
+    craft.rates.rates_type = Some(RatesType::Quick);
+    craft.rates.pitch_expo = Some(20);
+    let findings = check(&craft, ReceiverMode::Sole);
+    assert_eq!(findings[0].found, "rates_type = QUICK, pitch_expo = 20");
+    let set = "set rates_type = ACTUAL\nset pitch_expo = 0";
+    assert_eq!(findings[0].set, set);
+}
+
+#[test]
+fn other_rates_are_other_settings() {
+    let changes: [Change; 2] = [
+        |it| it.rates.roll_expo = 1,
+        |it| it.angle.angle_limit_deg = 59,
+    ];
+    for change in changes {
+        let mut craft = sole();
+        change(&mut craft);
+        assert_ne!(craft.to_bytes(), sole().to_bytes());
     }
 }
 

@@ -6,8 +6,8 @@ use muster_msp::{
     AccCalibration, AdvancedConfig, Altitude, Analog, ApiVersion, ArmingConfig, Attitude,
     BatteryConfig, BatteryState, BoardInfo, BoxIds, BoxNames, CfSerialConfig, Channel, CompGps,
     Decode, Decoder, Direction, EepromWrite, Encode, FailsafeConfig, FcVariant, FcVersion,
-    FeatureConfig, Frame, Message, ModeRanges, Motor, MotorOutput, Name, OpticFlow,
-    RangefinderSample, RawGps, RawImu, Rc, Reboot, ReceivedMotors, ReceivedRc, RxConfig,
+    FeatureConfig, Frame, Message, ModeRanges, Motor, MotorOutput, Name, OpticFlow, PidAdvanced,
+    RangefinderSample, RawGps, RawImu, Rc, RcTuning, Reboot, ReceivedMotors, ReceivedRc, RxConfig,
     RxFailConfig, RxMap, SetMotor, SetRawRc, Sonar, Status, StatusEx, Sticks, Uid, Version, encode,
     order, reply, request,
 };
@@ -134,6 +134,8 @@ fn interpret(frame: Frame<'_>) -> Read {
         FeatureConfig,
         CfSerialConfig,
         AdvancedConfig,
+        RcTuning,
+        PidAdvanced,
         Sonar,
         ArmingConfig,
         RangefinderSample,
@@ -276,4 +278,18 @@ fn a_short_message_is_refused_with_what_it_lacks() {
 fn a_longer_message_of_newer_firmware_is_accepted() {
     let attitude = Attitude::decode(&[1, 0, 2, 0, 3, 0, 9, 9]).expect("longer is fine");
     assert_eq!(attitude.yaw_deg, 3);
+    let rates = RcTuning::decode(&[7; 40]).expect("longer is fine");
+    assert_eq!(rates.throttle_hover, Some(7));
+}
+
+#[test]
+fn a_part_of_a_field_that_older_firmware_lacks_is_ignored() {
+    let rates = RcTuning::decode(&[7; 17]).expect("without limits of rates");
+    assert_eq!(
+        (rates.throttle_limit_percent, rates.rate_limits_dps),
+        (Some(7), None)
+    );
+    assert_eq!(rates.rates_type, None);
+    assert!(RcTuning::decode(&[7; 11]).is_err());
+    assert!(PidAdvanced::decode(&[0; 17]).is_err());
 }

@@ -2,8 +2,8 @@
 
 use muster_msp::{
     Altitude, Analog, Attitude, BatteryConfig, Decode, Decoder, Direction, FailsafeConfig,
-    FcVersion, Frame, Message, ModeRange, ModeRanges, Motor, RawImu, Rc, ReceivedRc, Status,
-    StatusEx, StatusHead,
+    FcVersion, Frame, Message, ModeRange, ModeRanges, Motor, PidAdvanced, RawImu, Rc, RcTuning,
+    ReceivedRc, Status, StatusEx, StatusHead,
 };
 use serde::Deserialize;
 use serde_json::{Value, json};
@@ -231,4 +231,31 @@ fn settings_are_what_an_independent_client_reads() {
     let (ranges, read) = reply::<ModeRanges>("MODE_RANGES");
     let row = |it: &ModeRange| json!([u8::from(it.mode), it.aux, it.first_us(), it.end_us()]);
     assert_eq!(ranges.ranges.iter().map(row).collect::<Value>(), read);
+}
+
+#[test]
+fn rates_are_what_an_independent_client_reads_and_the_command_line_says() {
+    let (it, read) = reply::<RcTuning>("RC_TUNING");
+    let share = |percent: u8| f64::from(percent) / 100.0;
+    let [roll, pitch, yaw] = it.srates;
+    let shares = [it.roll_rc_rate, it.roll_expo, roll, pitch, yaw];
+    let mut values: Vec<Value> = shares.map(|it| json!(share(it))).into();
+    let further = [
+        it.throttle_mid,
+        it.throttle_expo,
+        it.yaw_expo,
+        it.yaw_rc_rate,
+    ];
+    values.extend(further.map(|it| json!(share(it))));
+    let of_pitch = [it.pitch_rc_rate, it.pitch_expo];
+    values.extend(of_pitch.map(|it| json!(it.map(share))));
+    values.push(json!(it.throttle_limit.map(u8::from)));
+    values.push(json!(it.throttle_limit_percent));
+    values.extend(it.rate_limits_dps.expect("API 1.47").map(|it| json!(it)));
+    assert_eq!(json!(values), read);
+    // The client knows neither.
+    let words = (it.rates_type.map(|it| it.to_string()), it.throttle_hover);
+    assert_eq!(words, (Some("QUICK".to_owned()), Some(52)));
+    let (it, read) = reply::<PidAdvanced>("PID_ADVANCED");
+    assert_eq!(json!([it.angle_limit_deg]), read);
 }

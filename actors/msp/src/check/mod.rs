@@ -7,6 +7,7 @@ mod failsafe;
 mod modes;
 mod power;
 mod receiver;
+mod sticks;
 
 use std::fmt;
 
@@ -103,6 +104,7 @@ impl Findings {
 pub fn check(configuration: &Configuration, mode: ReceiverMode) -> Vec<Finding> {
     let mut findings = Findings::default();
     receiver::check(configuration, mode, &mut findings);
+    sticks::check(configuration, &mut findings);
     failsafe::check(configuration, &mut findings);
     modes::check(configuration, mode, &mut findings);
     power::check(configuration, &mut findings);

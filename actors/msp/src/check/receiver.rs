@@ -28,12 +28,19 @@ pub(super) fn check(configuration: &Configuration, mode: ReceiverMode, findings:
 }
 
 pub(super) fn check_firmware(identity: &Identity, mode: ReceiverMode, findings: &mut Findings) {
-    if identity.variant.variant.0 != *b"BTFL" {
+    if !identity.is_betaflight() {
         findings.add(
             "firmware",
             "these rules are for Betaflight",
             identity.variant.variant,
             "flash Betaflight",
+        );
+    } else if !identity.leans_by_rates() {
+        findings.add(
+            "angle-firmware",
+            "the mode ANGLE doesn't lean by the rates, so a stick means another tilt",
+            format!("Betaflight {}", identity.version),
+            "flash Betaflight 4.5.2 or newer",
         );
     }
     if mode == ReceiverMode::Override && !identity.override_falls_back() {
@@ -70,6 +77,14 @@ fn check_channels(configuration: &Configuration, findings: &mut Findings) {
             "a full stick counts as a lost receiver",
             receiver.rx_max_us,
             "set rx_max_usec = 2115",
+        );
+    }
+    if receiver.centre_us != Channel::CENTRE.us() {
+        findings.add(
+            "mid_rc",
+            "a centred stick leans",
+            receiver.centre_us,
+            format!("set mid_rc = {}", Channel::CENTRE.us()),
         );
     }
     if !(1_010..=1_200).contains(&receiver.min_check_us) {

@@ -6,6 +6,7 @@ mod identity;
 mod modes;
 mod motors;
 mod orders;
+mod rates;
 mod receiver;
 mod sensors;
 mod serial;
@@ -17,6 +18,7 @@ pub use identity::{ApiVersion, BoardInfo, FcVariant, FcVersion, Name, Uid};
 pub use modes::{BoxIds, BoxNames, Mode, ModeRange, ModeRanges, Modes};
 pub use motors::{AdvancedConfig, Motor, MotorProtocol};
 pub use orders::{AccCalibration, EepromWrite, Reboot, RebootMode};
+pub use rates::{PidAdvanced, RatesType, RcTuning, ThrottleLimit};
 pub use receiver::{
     ArmingConfig, FailsafeConfig, FailsafeProcedure, FailsafeSwitch, FeatureConfig, RxConfig,
     RxFail, RxFailConfig, RxFailMode, RxMap,

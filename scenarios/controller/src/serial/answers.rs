@@ -4,11 +4,12 @@ use muster_msp::{
     AdvancedConfig, ApiVersion, ArmingConfig, BatteryConfig, BoardInfo, BoxIds, BoxNames,
     CellLimits, CfSerialConfig, FailsafeConfig, FailsafeProcedure, FailsafeSwitch, FcVariant,
     FcVersion, FeatureConfig, Letters, Message, Mode, ModeRange, ModeRanges, MotorProtocol, Name,
-    RxConfig, RxFail, RxFailConfig, RxFailMode, RxMap, SerialPort, ShortText, Text, Uid, Unused,
+    PidAdvanced, RatesType, RcTuning, RxConfig, RxFail, RxFailConfig, RxFailMode, RxMap,
+    SerialPort, ShortText, Text, ThrottleLimit, Uid, Unused,
 };
 
 use super::{Request, Serial};
-use crate::firmware::settings::{self, Procedure, ReceiverMode, Settings, Version};
+use crate::firmware::settings::{self, Procedure, ReceiverMode, Settings, Tuning, Version};
 
 /// Modes in the order of the bits of `STATUS`. MSP OVERRIDE is there if its mask isn't empty.
 const MODES: [Mode; 6] = [
@@ -122,6 +123,15 @@ impl Serial {
                 };
                 self.reply(request, &config);
             }
+            RcTuning::COMMAND => self.reply(request, &rates(settings)),
+            PidAdvanced::COMMAND => {
+                let angle_limit_deg = whole(settings.tuning.angle_limit_deg);
+                let advanced = PidAdvanced {
+                    angle_limit_deg,
+                    ..PidAdvanced::default()
+                };
+                self.reply(request, &advanced);
+            }
             CfSerialConfig::COMMAND => {
                 let port = SerialPort {
                     identifier: SerialPort::USB,
@@ -201,6 +211,30 @@ fn board(settings: &Settings) -> BoardInfo {
     }
 }
 
+/// The model's rates are of the type ACTUAL, its throttle goes straight to the motors.
+fn rates(settings: &Settings) -> RcTuning {
+    let Tuning {
+        centre_rate_dps,
+        max_rate_dps,
+        ..
+    } = settings.tuning;
+    let (centre, max) = (whole(centre_rate_dps / 10.0), whole(max_rate_dps / 10.0));
+    RcTuning {
+        roll_rc_rate: centre,
+        srates: [max; 3],
+        throttle_mid: 50,
+        yaw_rc_rate: centre,
+        pitch_rc_rate: Some(centre),
+        pitch_expo: Some(0),
+        throttle_limit: Some(ThrottleLimit::Off),
+        throttle_limit_percent: Some(100),
+        rate_limits_dps: Some([1_998; 3]),
+        rates_type: Some(RatesType::Actual),
+        throttle_hover: (settings.version >= API_47).then_some(50),
+        ..RcTuning::default()
+    }
+}
+
 fn mode_range(range: &settings::ModeRange) -> ModeRange {
     let step = |us: u16| u8::try_from(us.saturating_sub(900) / 25).unwrap_or(u8::MAX);
     ModeRange {
@@ -255,6 +289,15 @@ fn rxfail(rxfail: &settings::RxFail) -> RxFail {
         settings::RxFail::Set(value_us) => (RxFailMode::Set, *value_us),
     };
     RxFail { mode, value_us }
+}
+
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "the cast saturates"
+)]
+fn whole(value: f64) -> u8 {
+    (value + 0.5) as u8
 }
 
 #[expect(

@@ -6,6 +6,7 @@ mod arming;
 mod companion;
 mod determinism;
 mod failsafe;
+mod fitness;
 mod flight;
 mod link;
 mod overriding;

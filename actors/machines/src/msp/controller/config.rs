@@ -87,11 +87,6 @@ pub struct Gains {
     pub climb_integral_per_s2: f64,
     /// Largest tilt, in radians.
     pub tilt_max_rad: f64,
-    /// Tilt at full stick in the mode ANGLE, in radians: Betaflight's `angle_limit`.
-    pub angle_limit_rad: f64,
-    /// Betaflight's rates, which shape the sticks in the mode ANGLE, too: turn at small sticks per full stick (`roll_rc_rate`),
-    /// and turn at full stick (`roll_srate`), in °/s; type ACTUAL without expo.
-    pub rates_dps: [f64; 2],
     /// Deceleration per horizontal velocity in still air, in 1/s.
     pub drag_per_s: f64,
     /// Throttle at which the vehicle hovers, 0 to 1, until it is known better.
@@ -110,8 +105,6 @@ impl Gains {
         climb_per_s: 2.0,
         climb_integral_per_s2: 0.6,
         tilt_max_rad: 0.611,
-        angle_limit_rad: 1.047,
-        rates_dps: [70.0, 670.0],
         drag_per_s: 0.45,
         hover_throttle: 0.3,
     };

@@ -1,6 +1,6 @@
 //! From a reference to sticks: position → velocity → acceleration → attitude and throttle.
 
-use muster_msp::{Channel, Sticks};
+use muster_msp::{Channel, StickResponse, Sticks};
 use nalgebra::{Vector2, Vector3};
 
 use super::config::Gains;
@@ -155,8 +155,7 @@ impl Control {
         let right = acceleration.y * cos - acceleration.x * sin;
         let angle = |by: f64| {
             let most = self.gains.tilt_max_rad;
-            let share = libm::atan2(by, up).clamp(-most, most) / self.gains.angle_limit_rad;
-            deflection(share, self.gains.rates_dps)
+            deflection(libm::atan2(by, up).clamp(-most, most))
         };
         let hover = self.gains.hover_throttle;
         let throttle = throttle(hover, -acceleration.z, tilt.vertical_share());
@@ -169,15 +168,19 @@ impl Control {
     }
 }
 
-/// The deflection of a stick, -1 to 1, that asks for a share of the largest angle.
-///
-/// In the mode ANGLE Betaflight aims at `angle_limit` times the share of the largest rate that the stick asks for, `pid.c`.
-/// Rates of the type ACTUAL without expo grow from the centre's as `centre · x + (max − centre) · x²` (`fc/rc.c`).
-pub(super) fn deflection(share: f64, [centre, max]: [f64; 2]) -> f64 {
+/// The deflection of a stick, -1 to 1, that asks for a tilt in radians: the inverse of [`StickResponse`].
+pub(super) fn deflection(tilt_rad: f64) -> f64 {
+    let StickResponse {
+        rc_rate,
+        srate,
+        angle_limit_deg,
+    } = StickResponse::ASSUMED;
+    let (centre, max) = (f64::from(rc_rate), f64::from(srate));
     let beyond = max - centre;
-    let asked = max * share.abs().min(1.0);
+    let share = tilt_rad.abs() / f64::from(angle_limit_deg).to_radians();
+    let asked = max * share.min(1.0);
     let deflection = (libm::sqrt(centre * centre + 4.0 * beyond * asked) - centre) / (2.0 * beyond);
-    deflection.copysign(share)
+    deflection.copysign(tilt_rad)
 }
 
 /// The throttle for a vertical acceleration upwards, in m/s²: thrust grows with the square of the throttle.
@@ -256,19 +259,20 @@ mod tests {
 
     #[test]
     fn a_stick_asks_for_the_angle_that_it_is_to() {
-        let rates_dps = Gains::QUADCOPTER.rates_dps;
-        for share in [-1.0, -0.3, -0.01, 0.0, 0.05, 0.5, 1.0] {
-            let stick = deflection(share, rates_dps);
-            let [centre, max] = rates_dps;
-            let rate = centre * stick + (max - centre) * stick * stick.abs();
-            assert!((rate / max - share).abs() < 1e-9, "{share} {stick}");
+        for tilt_deg in [-60.0_f64, -10.0, -0.5, 0.0, 3.0, 35.0, 60.0] {
+            let stick = deflection(tilt_deg.to_radians());
+            let rate_dps = 70.0 * stick + 600.0 * stick * stick.abs();
+            let tilt = 60.0 * rate_dps / 670.0;
+            assert!((tilt - tilt_deg).abs() < 1e-9, "{tilt_deg} {stick}");
         }
+        let most = deflection(std::f64::consts::PI);
+        assert!((most - 1.0).abs() < 1e-9, "{most}");
     }
 
     #[test]
     fn tilt_and_throttle_stay_within_limits() {
         let far = sticks(&estimate(-1e6, 1e6, 1e6), 33.0, Lean::Free);
-        let most = 1_500.0 + 500.0 * deflection(0.611 / 1.047, Gains::QUADCOPTER.rates_dps);
+        let most = 1_500.0 + 500.0 * deflection(0.611);
         for stick in [far.roll, far.pitch] {
             assert!((f64::from(stick.us()) - 1_500.0).abs() <= most - 1_500.0 + 1.0);
         }

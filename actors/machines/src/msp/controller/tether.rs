@@ -63,8 +63,7 @@ pub(super) fn reference(start: Ned, reference: Reference) -> Reference {
 
 /// Sticks that neither lean nor climb beyond the limits.
 pub(super) fn sticks(sticks: Sticks, gains: &Gains) -> Sticks {
-    let share = TETHER_TILT_MAX_RAD / gains.angle_limit_rad;
-    let lean_us = 500.0 * deflection(share, gains.rates_dps);
+    let lean_us = 500.0 * deflection(TETHER_TILT_MAX_RAD);
     let throttle_us = 1_000.0 * (TETHER_THROTTLE_MAX * gains.hover_throttle);
     Sticks {
         roll: clamp(sticks.roll, 1_500.0 - lean_us, 1_500.0 + lean_us),
