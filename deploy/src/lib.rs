@@ -1,8 +1,12 @@
 //! Operation of whole fleets: flies a swarm of processes on one or many machines, and queries their status.
 
 pub mod controller;
+mod drone_file;
 pub mod firmware;
+pub mod hosts;
 mod pose;
+pub mod release;
+pub mod rollout;
 pub mod status;
 pub mod swarm;
 

@@ -4,6 +4,7 @@ mod campaign;
 mod chaos;
 mod check;
 mod completions;
+mod deploy;
 mod drone;
 mod fc;
 mod folder;
@@ -62,6 +63,7 @@ enum Command {
     Thesis(thesis::Arguments),
     Swarm(swarm::Arguments),
     Status(status::Arguments),
+    Deploy(deploy::Arguments),
     Keys(keys::Arguments),
     Drone(drone::Arguments),
     Fc(fc::Arguments),
@@ -104,6 +106,8 @@ enum Failure {
     Swarm(#[source] Box<SwarmError>),
     #[error("{0} of {1} drones do not answer")]
     NoAnswer(usize, usize),
+    #[error(transparent)]
+    Deploy(deploy::DeployFailure),
     #[error("can't make the keys")]
     Keys(#[source] KeysError),
     #[error(transparent)]
@@ -156,6 +160,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Thesis(arguments) => thesis::run(&arguments),
         Command::Swarm(arguments) => swarm::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),
+        Command::Deploy(arguments) => deploy::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
         Command::Drone(arguments) => drone::run(&arguments),

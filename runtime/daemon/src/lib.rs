@@ -13,4 +13,5 @@ pub mod log;
 pub mod operator;
 pub mod pose;
 pub mod program;
+pub mod slots;
 pub mod status;
