@@ -134,5 +134,7 @@ fn unpack(file: File) -> io::Result<BTreeMap<String, Vec<u8>>> {
             return Err(io::Error::other(format!("\"{path}\" is there twice")));
         }
     }
+    // The checksum of all bytes is at the end.
+    io::copy(&mut archive.into_inner(), &mut io::sink())?;
     Ok(files)
 }

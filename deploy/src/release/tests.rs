@@ -83,11 +83,7 @@ fn altered_archive_is_refused() {
         let mut other = bytes.clone();
         other[at] ^= 0x10;
         fs::write(&altered, other).unwrap();
-        if let Ok(release) = Release::load(&altered, &key) {
-            let original = Release::load(&written[0], &key).unwrap();
-            assert_eq!(release.files, original.files, "byte {at}");
-            assert_eq!(release.manifest_text, original.manifest_text, "byte {at}");
-        }
+        assert!(Release::load(&altered, &key).is_err(), "byte {at}");
     }
     let other = bench();
     let refused = Release::load(&written[0], &fleet_key(&other))

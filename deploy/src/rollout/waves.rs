@@ -121,7 +121,14 @@ impl Rollout {
     /// Whether nothing is left to do.
     pub(super) fn is_over(&self) -> bool {
         let is_idle = !self.hosts.iter().any(HostState::is_busy);
-        is_idle && (self.wave == self.waves.len() || self.stopped.is_some())
+        let mut wave = self
+            .waves
+            .get(self.wave)
+            .into_iter()
+            .flat_map(|it| &it.hosts);
+        let is_taken_back = !wave.any(|it| self.hosts[*it] == HostState::Changed);
+        let is_stopped = self.stopped.is_some() && is_taken_back;
+        is_idle && (self.wave == self.waves.len() || is_stopped)
     }
 
     /// Takes what happened on a host.

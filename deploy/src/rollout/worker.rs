@@ -173,7 +173,9 @@ impl Worker<'_> {
         // The host went back by itself; the release before is healthy again before this is said.
         self.report(Report::Phase("goes back"));
         let back = self.look_until(BACK_MAX, is_well)?;
-        if back.current.is_some() && !is_well(&back) {
+        let is_back = is_well(&back) || back.current.is_none();
+        self.report(Report::Facts(back));
+        if !is_back {
             return Ok(Report::Failed(format!(
                 "{why}; the release before is not healthy"
             )));

@@ -134,7 +134,10 @@ pub(super) fn host(disk: &Disk) -> io::Result<HostFacts> {
         Unit::look(TRIAL)?.state(),
         "active" | "activating" | "deactivating"
     );
-    let space = rustix::fs::statvfs(disk.home().as_path()).map(|it| it.f_bavail * it.f_frsize);
+    let home = disk.home();
+    // Before the first release the folder is not there yet.
+    let space = home.ancestors().find_map(|it| rustix::fs::statvfs(it).ok());
+    let space = space.map(|it| it.f_bavail * it.f_frsize);
     Ok(HostFacts {
         drones: match &current {
             Some(facts) => drones(facts, &BTreeMap::new())?,
