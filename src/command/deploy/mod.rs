@@ -20,12 +20,6 @@ use super::{Failure, Outcome};
 /// it. A host tries a new release by itself and goes back by itself unless its drones prove themselves in time, whether or not
 /// this machine is still there.
 #[derive(Debug, Args)]
-#[command(
-    after_help = "Examples, with a hosts file that has `scenario` and `keys`:
-  muster deploy package --programs target/programs --keys my-fleet
-  muster deploy plan fleet.toml --release muster-0.1.0.tar.gz
-  muster deploy apply fleet.toml --release muster-0.1.0.tar.gz"
-)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     action: Action,
