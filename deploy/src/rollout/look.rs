@@ -1,5 +1,6 @@
 //! Looks at all hosts of a fleet at once, and plans what a rollout would change.
 
+use muster_daemon::audit::Finding;
 use muster_daemon::slots::HostFacts;
 use muster_daemon::slots::protocol::{SlotOrder, SlotReply};
 use serde::Serialize;
@@ -151,4 +152,48 @@ fn roll_back_host(host: &FleetHost, operator: &str) -> Result<String, SessionErr
     };
     session.ask(&SlotOrder::RollBack)?;
     Ok(to)
+}
+
+/// Audits all hosts in parallel. With `fixes`, sets what can be set, and lets it be undone after a minute unless another session
+/// can be opened. A host without a release gets the program of the given one.
+#[must_use]
+pub fn audit(
+    fleet: &Fleet,
+    release: Option<&Release>,
+    fixes: Option<&str>,
+) -> Vec<(String, Result<Vec<Finding>, SessionError>)> {
+    let audited = on_all(fleet, |_, host| {
+        let open = || match release {
+            Some(release) => worker::open(&host.run, release),
+            None => Session::open(&host.run, None),
+        };
+        let found = match fixes {
+            None => findings(open()?, &SlotOrder::Audit),
+            Some(operator) => fix(open, operator),
+        };
+        found
+    });
+    let names = fleet.hosts.iter().map(|host| host.name.clone());
+    names.zip(audited).collect()
+}
+
+fn findings(mut session: Session, order: &SlotOrder) -> Result<Vec<Finding>, SessionError> {
+    match session.ask(order)? {
+        SlotReply::Findings(findings) => Ok(findings),
+        other => Err(SessionError::Refused(format!("unexpected reply {other:?}"))),
+    }
+}
+
+/// Fixes a host. The first session's end and the second's begin show that the operator is not locked out.
+fn fix(
+    open: impl Fn() -> Result<Session, SessionError>,
+    operator: &str,
+) -> Result<Vec<Finding>, SessionError> {
+    let mut session = open()?;
+    worker::lock(&mut session, operator)?;
+    let left = findings(session, &SlotOrder::Fix)?;
+    let mut session = open()?;
+    worker::lock(&mut session, operator)?;
+    session.ask(&SlotOrder::ConfirmFix)?;
+    Ok(left)
 }

@@ -1,12 +1,14 @@
 //! Plans, statuses and results of rollouts as tables for a terminal.
 
 use comfy_table::{Attribute, Cell, Table};
+use muster_daemon::audit::Finding;
 use muster_daemon::slots::{DroneFacts, DroneHealth};
 use muster_scenarios::report::{Colour, TABLE_STYLE};
 
 use super::apply::{Applied, HostOutcome};
 use super::look::{Looked, Planned};
 use super::plan::Work;
+use super::session::SessionError;
 
 /// A cell without a value.
 const EMPTY: &str = "–";
@@ -132,6 +134,45 @@ pub fn status_table(looked: &[Looked], colour: Colour) -> String {
         rows,
         colour,
     )
+}
+
+/// What is not safe about hosts, a row a finding.
+#[must_use]
+pub fn audit_table(
+    audited: &[(String, Result<Vec<Finding>, SessionError>)],
+    colour: Colour,
+) -> String {
+    let rows = audited.iter().flat_map(|(name, found)| match found {
+        Err(error) => vec![[
+            name.clone(),
+            EMPTY.to_owned(),
+            error.to_string(),
+            String::new(),
+            String::new(),
+        ]],
+        Ok(findings) if findings.is_empty() => {
+            vec![[
+                name.clone(),
+                "none".to_owned(),
+                String::new(),
+                String::new(),
+                String::new(),
+            ]]
+        }
+        Ok(findings) => {
+            let row = |it: &Finding| {
+                [
+                    name.clone(),
+                    it.rule.clone(),
+                    it.what.clone(),
+                    it.why.clone(),
+                    it.undo.clone(),
+                ]
+            };
+            findings.iter().map(row).collect()
+        }
+    });
+    rendered(["host", "finding", "what", "why", "undo"], rows, colour)
 }
 
 fn words(drone: &DroneFacts) -> String {

@@ -1,3 +1,4 @@
+mod audit;
 mod logs;
 mod package;
 mod rollout;
@@ -33,6 +34,7 @@ enum Action {
     Status(status::Arguments),
     Rollback(rollout::RollbackArguments),
     Logs(logs::Arguments),
+    Audit(audit::Arguments),
 }
 
 /// A fleet and a release for it.
@@ -76,6 +78,9 @@ pub(crate) enum DeployFailure {
     /// Hosts were not rolled back.
     #[error("{0} of {1} hosts were not rolled back")]
     NotRolledBack(usize, usize),
+    /// Hosts have findings, or could not be audited.
+    #[error("{0} of {1} hosts have findings or were not audited")]
+    Unsafe(usize, usize),
     /// Hosts do not answer.
     #[error("{0} of {1} hosts do not answer")]
     NoAnswer(usize, usize),
@@ -105,5 +110,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         Action::Status(arguments) => status::run(arguments),
         Action::Rollback(arguments) => rollout::roll_back(arguments),
         Action::Logs(arguments) => logs::run(arguments),
+        Action::Audit(arguments) => audit::run(arguments),
     }
 }

@@ -102,7 +102,7 @@ pub(super) fn apply(arguments: &ApplyArguments) -> Result<Outcome, Failure> {
 }
 
 /// Who runs this command, for other operators.
-fn operator() -> String {
+pub(super) fn operator() -> String {
     let user = std::env::var("USER").unwrap_or_else(|_| "somebody".to_owned());
     let machine = rustix::system::uname();
     let machine = machine.nodename().to_string_lossy().into_owned();

@@ -30,6 +30,7 @@ pub use self::disk::Failure;
 pub use self::facts::{DroneFacts, HostFacts, SlotFacts};
 pub use self::gate::{DroneHealth, GateLimits};
 pub use self::install::{Incoming, IncomingFile, configuration_digest, hex};
+use crate::audit;
 
 /// What `musterd slot` does on a host.
 #[derive(Debug, Subcommand)]
@@ -43,6 +44,8 @@ pub(crate) enum SlotAction {
     },
     /// Go back to the good slot, unless it runs.
     Settle,
+    /// Undo what an audit set, since the operator did not log in again.
+    UndoAudit,
 }
 
 /// Carries it out on this host. Returns whether all went well.
@@ -55,5 +58,6 @@ pub(crate) fn run(action: &SlotAction) -> io::Result<bool> {
         SlotAction::Serve => serve::serve(&disk).map(|()| true),
         SlotAction::Trial { slot } => trial::run(&disk, slot),
         SlotAction::Settle => trial::settle(&disk).map(|()| true),
+        SlotAction::UndoAudit => audit::undo().map(|()| true),
     }
 }

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::facts::HostFacts;
 use super::install::Incoming;
+use crate::audit::Finding;
 
 /// Version of the protocol. Orders and replies are only added to one version.
 pub const PROTOCOL: u32 = 1;
@@ -35,6 +36,12 @@ pub enum SlotOrder {
         /// Its number.
         drone: u32,
     },
+    /// Say what is not safe about the host.
+    Audit,
+    /// Make it safe. It is undone after a minute without [`SlotOrder::ConfirmFix`].
+    Fix,
+    /// The operator can still log in.
+    ConfirmFix,
 }
 
 /// A reply to an order.
@@ -55,6 +62,8 @@ pub enum SlotReply {
     Done,
     /// What the host says of itself.
     Host(Box<HostFacts>),
+    /// What is not safe about the host.
+    Findings(Vec<Finding>),
     /// A slot was written.
     Installed {
         /// Its name.

@@ -11,6 +11,7 @@ use super::observe;
 use super::protocol::{PROTOCOL, SlotOrder, SlotReply};
 use super::systemd::{TRIAL, Unit, service, systemctl};
 use super::trial;
+use crate::audit;
 
 /// A session ends if nothing was heard for this time, so that a lost connection does not keep the host locked.
 const SILENCE_MAX: Duration = Duration::from_secs(10);
@@ -112,7 +113,7 @@ impl Session<'_> {
     fn carry_out(&mut self, order: SlotOrder) -> SlotReply {
         let changes = !matches!(
             order,
-            SlotOrder::Ping | SlotOrder::Look | SlotOrder::Lock { .. }
+            SlotOrder::Ping | SlotOrder::Look | SlotOrder::Audit | SlotOrder::Lock { .. }
         );
         if changes && self.lock.is_none() {
             return SlotReply::Refused("the host is not locked by this session".to_owned());
@@ -138,6 +139,9 @@ impl Session<'_> {
                     Err(refusal) => SlotReply::Refused(in_words(&refusal)),
                 });
             }
+            SlotOrder::Audit => return Ok(SlotReply::Findings(audit::audit()?)),
+            SlotOrder::Fix => return Ok(SlotReply::Findings(audit::fix()?)),
+            SlotOrder::ConfirmFix => audit::confirm()?,
             SlotOrder::Try { slot } => trial::start(self.disk, &slot)?,
             SlotOrder::RollBack => trial::roll_back(self.disk)?,
             SlotOrder::Recall { drone } => {
@@ -159,7 +163,8 @@ impl Session<'_> {
             let operator = std::fs::read_to_string(path).unwrap_or_default();
             return Ok(SlotReply::Busy { operator });
         };
-        std::fs::write(path, operator)?;
+        // The lock counts, also on a full disk; the name is for others.
+        let _ = std::fs::write(path, operator);
         self.lock = Some(lock);
         // What an interrupted trial or rollback left; a trial that runs ends by itself.
         if matches!(Unit::look(TRIAL)?.state(), "inactive" | "failed" | "") {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
+use std::net::SocketAddr;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -72,7 +73,7 @@ pub(super) fn run(disk: &Disk, slot: &SlotId) -> io::Result<bool> {
     activate(disk, &slots)?;
     match judge(&facts)? {
         Ok(()) => keep(disk, &facts).map(|()| true),
-        Err(why) => disk.set_failure(slot, &why).map(|()| false),
+        Err(why) => go_back(disk, &why).map(|()| false),
     }
 }
 
@@ -115,23 +116,40 @@ fn keep(disk: &Disk, facts: &SlotFacts) -> io::Result<()> {
 /// # Errors
 /// If the disk or systemd refuses.
 pub(super) fn settle(disk: &Disk) -> io::Result<()> {
-    let before = disk.slots()?;
-    if let (true, Some(tried)) = (before.is_on_trial(), &before.current) {
-        disk.set_failure(
-            tried,
-            "the trial ended before the release had proven itself",
-        )?;
+    let slots = disk.slots()?;
+    if slots.is_on_trial() {
+        return go_back(disk, "the trial ended before the release had proven itself");
     }
-    let left = before
-        .current
-        .as_ref()
-        .map(|it| disk.facts(it))
-        .transpose()?;
+    let settled = disk.reach(&Goal::Settle)?;
+    if !is_running(disk, &settled) {
+        activate(disk, &settled)?;
+    }
+    Ok(())
+}
+
+/// Takes a slot on trial back, and notes why. Nothing is written before its processes are killed and it is removed: they may
+/// have filled the disk.
+fn go_back(disk: &Disk, why: &str) -> io::Result<()> {
+    let tried = disk.slots()?.current;
+    let facts = tried.as_ref().map(|it| disk.facts(it)).transpose()?;
+    for (id, address) in facts.iter().flat_map(|it| &it.drones) {
+        kill_unless_in_flight(*id, *address)?;
+    }
     let slots = disk.reach(&Goal::Settle)?;
-    if before.is_on_trial() || !is_running(disk, &slots) {
-        activate(disk, &slots)?;
+    let noted = tried.map_or(Ok(()), |tried| disk.set_failure(&tried, why));
+    activate(disk, &slots)?;
+    stop_others(disk, facts.as_ref(), &slots)?;
+    noted
+}
+
+/// Kills a drone's process. What flies lands with the program that it took off with; the next start is the running slot's.
+/// Returns whether it was killed.
+fn kill_unless_in_flight(drone: u32, address: SocketAddr) -> io::Result<bool> {
+    if observe::ask(address).is_some_and(|it| it.in_flight) {
+        return Ok(false);
     }
-    stop_others(disk, left.as_ref(), &slots)
+    systemctl(&["kill", "--signal=KILL", &service(drone)])?;
+    Ok(true)
 }
 
 /// Runs the good slot before this one again.
@@ -203,12 +221,10 @@ fn activate(disk: &Disk, slots: &Slots) -> io::Result<()> {
         return Ok(());
     };
     for (id, address) in &disk.facts(current)?.drones {
-        // What flies lands with the program that it took off with; the next start is the running slot's.
-        if observe::ask(*address).is_some_and(|it| it.in_flight) {
+        if !kill_unless_in_flight(*id, *address)? {
             continue;
         }
         let service = service(*id);
-        systemctl(&["kill", "--signal=KILL", &service])?;
         systemctl(&["reset-failed", &service])?;
         systemctl(&["--no-block", "restart", &service])?;
     }
