@@ -63,7 +63,16 @@ class Host:
         with (self.lab.folder / "known_hosts").open("a") as known:
             known.write(f"{address} {public}")
         with (self.lab.folder / "ssh_config").open("a") as config:
-            config.write(f"Host {self.name}\n  HostName {address}\n")
+            config.write(f"Host {self.name}\n  HostName {address}\n  User root\n")
+            config.write(f"Host {self.name}-user\n  HostName {address}\n  User pi\n")
+        # As on a card: a user with a password, who may become root.
+        run("chroot", str(self.root), "useradd", "--create-home", "--shell", "/bin/bash", "pi")
+        run("chroot", str(self.root), "chpasswd", input="pi:raspberry\n")
+        (self.root / "etc/sudoers.d/pi").write_text("pi ALL=(ALL) NOPASSWD: ALL\n")
+        home = self.root / "home/pi/.ssh"
+        home.mkdir(mode=0o700)
+        shutil.copy(self.lab.folder / "key.pub", home / "authorized_keys")
+        run("chroot", str(self.root), "chown", "-R", "pi:pi", "/home/pi/.ssh")
 
     def cgroups(self):
         return [cgroup / f"{self.lab.folder.name}-{self.name}-{self.starts}" for cgroup in CGROUPS]
@@ -105,8 +114,9 @@ class Host:
         state = "down" if is_unplugged else "up"
         run("ip", "-n", "fleet-sw", "link", "set", f"p{self.number}", state)
 
-    def ssh(self, *words, check=True):
-        return self.lab.on_operator("ssh", "-F", str(self.lab.folder / "ssh_config"), self.name, *words, check=check)
+    def ssh(self, *words, check=True, suffix=""):
+        config = str(self.lab.folder / "ssh_config")
+        return self.lab.on_operator("ssh", "-F", config, self.name + suffix, *words, check=check)
 
     def is_up(self):
         return self.ssh("systemctl", "is-system-running", check=False).stdout.strip() in ["running", "degraded"]
@@ -148,7 +158,7 @@ class Lab:
             run("mount", "-t", "tmpfs", "tmpfs", folder)
         run("ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(self.folder / "key"))
         config = (
-            f"IdentityFile {self.folder}/key\nUserKnownHostsFile {self.folder}/known_hosts\nUser root\n"
+            f"IdentityFile {self.folder}/key\nUserKnownHostsFile {self.folder}/known_hosts\n"
             "BatchMode yes\nConnectTimeout 3\nServerAliveInterval 1\nServerAliveCountMax 5\nLogLevel ERROR\n"
         )
         (self.folder / "ssh_config").write_text(config)

@@ -11,7 +11,7 @@ import time
 
 from lab import Lab, end, run, wait_until
 
-GATE = {"within_s": 20, "hold_s": 4}
+GATE = {"within_s": 20, "hold_s": 8}
 # From the failure of a gate until the host is healthy with the release before.
 BACK_MAX_S = 30.0
 
@@ -42,7 +42,7 @@ soak_s = {soak_s}
 
 HOST = """[[hosts]]
 name = "{name}"
-run = ["ssh", "-F", "{config}", "{name}"]
+run = ["ssh", "-F", "{config}", "{name}{suffix}"]
 drones = [{number}]
 """
 
@@ -55,6 +55,7 @@ BROKEN = {
     "fills-the-disk": "cat /dev/zero > /var/lib/muster/full; sleep 1",
     "hangs-after-5-s": "(sleep 5; kill -STOP $$) &",
     "dies-after-5-s": "(sleep 5; kill -KILL $$) &",
+    "hangs-in-the-soak": "(sleep 14; kill -STOP $$) &",
 }
 
 
@@ -72,9 +73,9 @@ class Bench:
     def hosts(self):
         return self.lab.hosts
 
-    def write_fleet(self, flight=1, soak_s=1):
+    def write_fleet(self, flight=1, soak_s=1, suffix=""):
         config = self.folder / "ssh_config"
-        hosts = "\n".join(HOST.format(name=it.name, number=it.number, config=config) for it in self.hosts)
+        hosts = "\n".join(HOST.format(name=it.name, number=it.number, config=config, suffix=suffix) for it in self.hosts)
         text = FLEET.format(hosts=hosts, flight=flight, soak_s=soak_s, **GATE)
         (self.folder / "fleet.toml").write_text(text)
 
@@ -202,6 +203,19 @@ def broken_releases(bench, kinds):
         bench.assert_no_half_slots()
         show(f"{kind}: stopped at the canary", took=f"{took:.1f}s", back=f"{back_s:.1f}s", why=report["stopped"])
         (bench.hosts[0].root / "var/lib/muster/full").unlink(missing_ok=True)
+
+
+def ill_while_it_soaks(bench):
+    """A release that proves itself to its host and gets ill later: the wave is taken back by the operator's machine."""
+    bench.package("0.2.9", "hangs-in-the-soak")
+    bench.write_fleet(soak_s=20)
+    code, report, errors = bench.apply("0.2.9")
+    assert code == 1 and outcomes(report) == ["taken_back"] + ["not_reached"] * 4, (report, errors)
+    bench.assert_all_run("0.1.2")
+    took_s = report["hosts"][0]["took_s"]
+    assert took_s <= BACK_MAX_S, took_s
+    show("hangs in the soak: the wave is taken back", back=f"{took_s:.1f}s", why=report["stopped"])
+    bench.write_fleet()
 
 
 def broken_signature(bench):
@@ -333,9 +347,55 @@ def secrets(bench):
     show("no secret in archives, logs, or files of others")
 
 
+def audit(bench):
+    """A stock host has findings; `--fix` leaves none, and locks nobody out."""
+    bench.write_fleet(suffix="-user")
+    fleet = str(bench.folder / "fleet.toml")
+
+    def findings(*more):
+        done = bench.lab.on_operator(bench.muster, "deploy", "audit", fleet, "--json", *more, check=False)
+        hosts = json.loads(done.stdout)["hosts"]
+        return {it["name"]: it.get("error") or {found["rule"] for found in it["findings"]} for it in hosts}
+
+    before = findings()
+    stock = {"ssh-keys-only", "ssh-no-root", "ssh-banner", "ssh-log", "no-passwords", "firewall"}
+    assert all(it == stock for it in before.values()), before
+    # One host is off the network as soon as its settings are changed.
+    lost = bench.hosts[4]
+    settings = lambda host: host.root / "etc/ssh/sshd_config.d/00-muster.conf"
+    fixing = bench.lab.start_on_operator(bench.muster, "deploy", "audit", fleet, "--json", "--fix")
+    wait_until("settings of the lost host", lambda: settings(lost).exists())
+    lost.unplug()
+    output, _ = fixing.communicate(timeout=180)
+    after = {it["name"]: it.get("findings", it.get("error")) for it in json.loads(output)["hosts"]}
+    assert all(after[host.name] == [] for host in bench.hosts[:4]), after
+    assert after[lost.name], after
+    took = wait_until("the lost host's settings are undone", lambda: not settings(lost).exists(), 90)
+    lost.unplug(False)
+    wait_until("its firewall is gone", lambda: "muster" not in lost.ssh("nft", "list", "tables", check=False).stdout, 30)
+    show("settings of a host that was cut off are undone", after=f"{took:.0f}s")
+    times = [settings(host).stat().st_mtime for host in bench.hosts[:4]]
+    assert all(it == set() for it in findings("--fix").values())
+    assert times == [settings(host).stat().st_mtime for host in bench.hosts[:4]], "a second --fix changes nothing"
+    for host in bench.hosts:
+        assert host.ssh("true", check=False).returncode == 255, "root is not let in"
+        assert host.ssh("true", suffix="-user").returncode == 0
+        host.ssh("sudo", "systemctl", "kill", "--signal=KILL", f"musterd@{host.number}", suffix="-user")
+    hears = lambda it: len(next(iter(it["drones"].values()))["health"].get("Healthy", {}).get("proven", []))
+    wait_until("drones hear each other through the firewall", lambda: all(hears(it) == 4 for it in bench.status().values()))
+    unit = bench.hosts[0].ssh("sudo", "systemd-analyze", "security", "--no-pager", "musterd@0", suffix="-user")
+    exposure = unit.stdout.rsplit(":", 1)[-1].split()[0]
+    assert float(exposure) <= 2.0, exposure
+    show("audit: from findings to none, ssh works, drones hear each other", findings=len(stock), exposure=exposure)
+
+
 def main():
     muster, musterd, image = (os.path.realpath(it) for it in sys.argv[1:4])
     is_short = "--short" in sys.argv
+    kills, cuts = (2, 1) if is_short else (50, 20)
+    for argument in sys.argv:
+        if argument.startswith("--interruptions="):
+            kills, cuts = (int(it) for it in argument.split("=")[1].split("+"))
     only = [it.split("=")[1] for it in sys.argv if it.startswith("--only=")]
     seed = int(os.environ.get("MUSTER_SEED", "1"))
     with tempfile.TemporaryDirectory(prefix="fleet-") as folder, Lab(folder, image) as lab:
@@ -349,14 +409,16 @@ def main():
             upgrade(bench)
             steps = {
                 "rollback": lambda: rollback(bench),
-                "broken": lambda: broken_releases(bench, ["crashes-at-start"] if is_short else list(BROKEN)),
+                "broken": lambda: broken_releases(bench, ["crashes-at-start"] if is_short else list(BROKEN)[:-1]),
+                "soak": lambda: ill_while_it_soaks(bench),
                 "signature": lambda: broken_signature(bench),
                 "cut-off": lambda: operator_cut_off(bench),
                 "trial": lambda: power_cut_on_trial(bench),
                 "second": lambda: second_operator(bench),
                 "flying": lambda: flying(bench),
-                "interrupted": lambda: interrupted(bench, 2 if is_short else 50, 1 if is_short else 20, seed),
+                "interrupted": lambda: interrupted(bench, kills, cuts, seed),
                 "secrets": lambda: secrets(bench),
+                "audit": lambda: audit(bench),
             }
             for name, step in steps.items():
                 if not only or name in only:

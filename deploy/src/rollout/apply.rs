@@ -154,6 +154,8 @@ struct Applying<'a> {
     facts: Vec<Option<HostFacts>>,
     /// When each host was last seen, and what it had dropped.
     dropped: Vec<Option<(Instant, u64)>>,
+    /// How often systemd had started each host's drones again when its release had proven itself.
+    restarts: Vec<Option<u32>>,
     began: Vec<Option<Instant>>,
     took: Vec<Option<Duration>>,
     start: Instant,
@@ -192,6 +194,7 @@ impl<'a> Applying<'a> {
             jobs,
             facts,
             dropped: vec![None; hosts],
+            restarts: vec![None; hosts],
             began: vec![None; hosts],
             took: vec![None; hosts],
             start: Instant::now(),
@@ -282,6 +285,7 @@ impl<'a> Applying<'a> {
             }),
             Report::Facts(facts) => Event::Seen(self.sight(host, *facts)),
             Report::Changed(facts) => {
+                self.restarts[host] = Some(restarts(&facts));
                 self.facts[host] = Some(*facts);
                 self.say(host, "has the release".to_owned(), watch);
                 Event::Changed
@@ -321,7 +325,10 @@ impl<'a> Applying<'a> {
                 .values()
                 .filter(|drone| drone.in_flight)
                 .count(),
-            complaint: complaint(&facts),
+            complaint: complaint(&facts).or_else(|| {
+                let more = self.restarts[host].is_some_and(|before| restarts(&facts) > before);
+                more.then(|| "a drone's process was started again".to_owned())
+            }),
             dropped_per_s: rate.unwrap_or(0.0),
         };
         self.facts[host] = Some(facts);
@@ -358,6 +365,11 @@ fn with_names(why: &str, names: &[&String]) -> String {
         Some(format!("{name}:{rest}"))
     });
     named.unwrap_or_else(|| why.to_owned())
+}
+
+/// How often systemd has started a host's drones again.
+fn restarts(facts: &HostFacts) -> u32 {
+    facts.drones.values().map(|drone| drone.restarts).sum()
 }
 
 /// What is wrong with a host, in words.

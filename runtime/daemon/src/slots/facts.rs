@@ -75,4 +75,6 @@ pub struct DroneFacts {
     pub version: Option<String>,
     /// Dropped frames and datagrams since its process started.
     pub dropped: u64,
+    /// How often systemd has started its process again: after a crash, or by the watchdog.
+    pub restarts: u32,
 }

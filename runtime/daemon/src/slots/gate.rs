@@ -74,14 +74,14 @@ impl Gate {
             match self.complaint(health) {
                 Some((words, true)) => return Verdict::Failed(format!("drone {id}: {words}")),
                 Some((words, false)) => {
-                    complaint = complaint.or(Some(format!("drone {id}: {words}")))
+                    complaint = complaint.or(Some(format!("drone {id}: {words}")));
                 }
                 None => {}
             }
         }
         match complaint {
             None => self.healthy(at),
-            Some(words) => self.not_healthy(at, words),
+            Some(words) => self.not_healthy(at, &words),
         }
     }
 
@@ -111,7 +111,7 @@ impl Gate {
         }
     }
 
-    fn not_healthy(&mut self, at: Duration, words: String) -> Verdict {
+    fn not_healthy(&mut self, at: Duration, words: &str) -> Verdict {
         if self.healthy_since.is_none() {
             let is_late = at >= seconds(self.limits.within_s);
             let failed = || Verdict::Failed(format!("{words}, after {} s", self.limits.within_s));

@@ -30,6 +30,25 @@ pub(super) struct Answer {
     proven: BTreeSet<u32>,
     pub(super) in_flight: bool,
     frames: Frames,
+    /// `None` with a simulated vehicle.
+    port: Option<Port>,
+}
+
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+struct Port {
+    state: String,
+}
+
+impl Answer {
+    /// What is wrong, in words. Empty if nothing is.
+    fn complaints(&self) -> String {
+        let is_silent = |port: &&Port| port.state != "open";
+        let silent = self.port.as_ref().filter(is_silent);
+        let silent = silent.map(|port| format!("the flight controller's port is {}", port.state));
+        let all: Vec<_> = self.faults.iter().cloned().chain(silent).collect();
+        all.join("; ")
+    }
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -66,6 +85,7 @@ pub(super) fn drone(id: u32, address: SocketAddr, restarts: u32) -> io::Result<D
         in_flight: answer.in_flight,
         version: answer.version,
         dropped: answer.frames.dropped.values().sum(),
+        restarts: unit.restarts(),
     })
 }
 
@@ -74,10 +94,10 @@ fn health(unit: &Unit, answer: Option<&Answer>, restarts: u32) -> DroneHealth {
         return DroneHealth::Dead(format!("its process was ended ({})", unit.result()));
     }
     match (unit.state(), answer) {
-        ("active", Some(answer)) if answer.faults.is_empty() => DroneHealth::Healthy {
+        ("active", Some(answer)) if answer.complaints().is_empty() => DroneHealth::Healthy {
             proven: answer.proven.clone(),
         },
-        ("active", Some(answer)) => DroneHealth::Unhealthy(answer.faults.join("; ")),
+        ("active", Some(answer)) => DroneHealth::Unhealthy(answer.complaints()),
         ("active", None) => DroneHealth::Unhealthy("does not answer".to_owned()),
         ("failed" | "inactive", _)
             if unit.result() == "exit-code" && unit.exit_code() == Some(UNUSABLE) =>
@@ -204,6 +224,23 @@ mod tests {
         for (properties, faults, expected) in table {
             let health = seen(properties, faults);
             assert!(expected(&health), "{properties:?}: {health:?}");
+        }
+    }
+
+    #[test]
+    fn drone_whose_controller_is_silent_is_unhealthy() {
+        let healthy =
+            Unit::read("ActiveState=active\nResult=success\nExecMainStatus=0\nNRestarts=0\n");
+        for (state, is_well) in [("open", true), ("silent", false), ("closed", false)] {
+            let json =
+                format!("{{\"faults\":[],\"port\":{{\"state\":\"{state}\",\"rc_sent\":7}}}}");
+            let answer: Answer = serde_json::from_str(&json).unwrap();
+            let health = health(&healthy, Some(&answer), 0);
+            assert_eq!(
+                matches!(health, DroneHealth::Healthy { .. }),
+                is_well,
+                "{state}"
+            );
         }
     }
 }
