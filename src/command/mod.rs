@@ -25,6 +25,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use muster_daemon::operator::OperatorError;
+use muster_deploy::campaign::SpreadError;
 use muster_deploy::swarm::SwarmError;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::failure::{report_bad_inputs, report_error};
@@ -108,6 +109,8 @@ enum Failure {
     NoAnswer(usize, usize),
     #[error(transparent)]
     Deploy(deploy::DeployFailure),
+    #[error("the campaign is not complete")]
+    Spread(#[source] SpreadError),
     #[error("can't make the keys")]
     Keys(#[source] KeysError),
     #[error(transparent)]

@@ -293,7 +293,9 @@ impl File {
         }
         let dropped = raw.dropped_per_s_max.as_ref();
         let dropped_per_s_max = dropped.map_or(DROPPED_PER_S_MAX, |it| *it.get_ref());
-        if let Some(dropped) = dropped.filter(|_| !(dropped_per_s_max >= 0.0)) {
+        if let Some(dropped) =
+            dropped.filter(|_| dropped_per_s_max.is_nan() || dropped_per_s_max < 0.0)
+        {
             return refuse(dropped.span(), "a number from 0 is needed");
         }
         Ok(Wave {

@@ -88,6 +88,22 @@ impl Hosts {
     }
 }
 
+/// The commands that run others on the hosts of a file, whatever drones they have.
+///
+/// # Errors
+/// If the file can't be used, or has no host.
+pub fn commands(path: &Path) -> Result<Vec<Vec<String>>, BadInput> {
+    let file = File(TomlFile::read(path, FORMAT)?);
+    let hosts = file.0.raw.hosts.iter();
+    let commands: Vec<_> = hosts
+        .map(|raw| file.run(raw.get_ref()))
+        .collect::<Result<_, _>>()?;
+    if commands.is_empty() {
+        return Err(file.0.error(0..0, "the file has no `[[hosts]]`"));
+    }
+    Ok(commands)
+}
+
 /// A parsed hosts file that is not validated yet.
 struct File(TomlFile<Raw>);
 

@@ -167,11 +167,10 @@ pub fn audit(
             Some(release) => worker::open(&host.run, release),
             None => Session::open(&host.run, None),
         };
-        let found = match fixes {
+        match fixes {
             None => findings(open()?, &SlotOrder::Audit),
             Some(operator) => fix(open, operator),
-        };
-        found
+        }
     });
     let names = fleet.hosts.iter().map(|host| host.name.clone());
     names.zip(audited).collect()

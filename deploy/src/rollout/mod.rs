@@ -16,5 +16,6 @@ pub use self::apply::{Applied, ApplyRequest, HostOutcome, Progress, apply};
 pub use self::desired::{Desired, check_roster, desired};
 pub use self::look::{Looked, Planned, audit, look, plan, roll_back};
 pub use self::plan::{HostPlan, Work};
-pub use self::session::{SessionError, pass_through};
+pub use self::session::SessionError;
 pub use self::table::{applied_table, audit_table, plan_table, status_table};
+pub use crate::remote::pass_through;

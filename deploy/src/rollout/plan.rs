@@ -75,11 +75,11 @@ fn work(desired: &Desired, found: &HostFacts, bytes: u64) -> Work {
     let id = desired.id();
     let is_good = found.good.as_ref() == Some(&id);
     match &found.current {
-        Some(current) if current.id() == id && is_good => return Work::None,
+        Some(current) if current.id() == id && is_good => Work::None,
         _ if found.free_bytes < bytes => {
             let (needed, free) = (bytes.div_ceil(1_000_000), found.free_bytes / 1_000_000);
             let why = format!("needs {needed} MB of free space, found {free} MB");
-            return Work::Blocked { why };
+            Work::Blocked { why }
         }
         None => Work::Install,
         Some(current) if current.release == desired.facts.release => Work::Configure,

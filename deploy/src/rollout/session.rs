@@ -1,13 +1,15 @@
 //! A session with a host over the command that runs others there, ssh as a rule.
 
 use std::io::{self, BufRead, BufReader, Read, Write};
-use std::process::{Child, Command, Stdio};
+use std::process::Child;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::Duration;
 
 use muster_daemon::slots::protocol::{PROTOCOL, SlotOrder, SlotReply};
 use thiserror::Error;
+
+use crate::remote::{NO_CONNECTION, RemoteError, command, line, output};
 
 /// The good release's program on a host.
 const INSTALLED: &str = "/opt/muster/good/musterd";
@@ -19,8 +21,6 @@ const SLOWEST: u64 = 20_000;
 const EXIT_MAX: Duration = Duration::from_secs(2);
 /// Time between two looks whether it has.
 const EXIT_PERIOD: Duration = Duration::from_millis(10);
-/// Exit code of ssh without a connection.
-const NO_CONNECTION: i32 = 255;
 
 /// Why a host did not do as told.
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
@@ -46,6 +46,15 @@ pub enum SessionError {
     /// The release has no programs for the host.
     #[error("the release has no programs for {0}")]
     OtherProcessor(String),
+}
+
+impl From<RemoteError> for SessionError {
+    fn from(error: RemoteError) -> Self {
+        match error {
+            RemoteError::Lost(why) => Self::Lost(why),
+            failed @ RemoteError::Failed { .. } => Self::Refused(failed.to_string()),
+        }
+    }
 }
 
 /// Gives the program of a release for a processor, for a host that has none yet.
@@ -93,10 +102,10 @@ impl Session {
 
     /// Sends the program to the host, and opens a session with it.
     fn bring(run: &[String], programs: Programs<'_>) -> Result<Self, SessionError> {
-        let machine = output(run, &["uname", "-m"], &[])?;
+        let machine = line(run, &["uname", "-m"])?;
         let program = programs(&machine);
         let program = program.ok_or(SessionError::OtherProcessor(machine))?;
-        let folder = output(run, &["mktemp", "-d", "/var/tmp/muster.XXXXXXXX"], &[])?;
+        let folder = line(run, &["mktemp", "-d", "/var/tmp/muster.XXXXXXXX"])?;
         let path = format!("{folder}/musterd");
         let to = format!("of={path}");
         output(run, &["dd", &to, "bs=64k", "status=none"], program)?;
@@ -238,51 +247,6 @@ impl Drop for Session {
             let _ = output(run, &["rm", "-r", folder], &[]);
         }
     }
-}
-
-/// A command on a host. Its words have no characters that a shell there would read as more.
-fn command(run: &[String], words: &[&str]) -> Command {
-    let mut all = run.iter().map(String::as_str).chain(words.iter().copied());
-    let mut command = Command::new(all.next().unwrap_or("false"));
-    command.args(all);
-    command
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped());
-    command
-}
-
-/// Runs a command on a host with this input. Returns what it prints.
-fn output(run: &[String], words: &[&str], input: &[u8]) -> Result<String, SessionError> {
-    let lost = |error: io::Error| SessionError::Lost(error.to_string());
-    let mut child = command(run, words).spawn().map_err(lost)?;
-    let mut stdin = child.stdin.take().expect("stdin is piped");
-    // A command that does not read its input fails by itself.
-    let _ = stdin.write_all(input);
-    drop(stdin);
-    let output = child.wait_with_output().map_err(lost)?;
-    if output.status.success() {
-        return Ok(String::from_utf8_lossy(&output.stdout).trim().to_owned());
-    }
-    let why = String::from_utf8_lossy(&output.stderr);
-    let why = why.trim().lines().last().unwrap_or_default();
-    match output.status.code() {
-        Some(NO_CONNECTION) => Err(SessionError::Lost(why.to_owned())),
-        _ => Err(SessionError::Refused(format!("{}: {why}", words.join(" ")))),
-    }
-}
-
-/// Runs a command on a host with this process's output and errors, as `journalctl`.
-///
-/// # Errors
-/// If it can't be started.
-pub fn pass_through(run: &[String], words: &[&str]) -> io::Result<bool> {
-    let mut command = command(run, words);
-    command
-        .stdin(Stdio::null())
-        .stdout(Stdio::inherit())
-        .stderr(Stdio::inherit());
-    Ok(command.status()?.success())
 }
 
 /// Reads to the end and returns the last line that is not blank.
