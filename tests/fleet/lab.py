@@ -89,7 +89,7 @@ class Host:
                 cgroup.mkdir()
             join = "; ".join(f"echo $$ > {it}/cgroup.procs" for it in self.cgroups())
             nspawn = (
-                f"systemd-nspawn --quiet --directory={self.root} --machine={self.name} --register=no --keep-unit "
+                f"systemd-nspawn --quiet --directory={self.root} --machine={self.name} --register=no --keep-unit --capability=CAP_NET_ADMIN "
                 f"--network-namespace-path=/run/netns/fleet-{self.name} --boot --console=pipe"
             )
             with (self.folder / "console").open("a") as console:

@@ -57,8 +57,9 @@ fn files(scenario: &Path) -> Result<Vec<PathBuf>, Failure> {
         return Ok(Vec::new());
     }
     let text = muster_runtime::diagnostic::read_text(scenario)?;
-    let mission = mission_path(&mission_file(&Source::new(scenario, text))?)?;
-    Ok(vec![scenario.to_owned(), mission.into_owned()])
+    let named = mission_file(&Source::new(scenario, text))?;
+    let mission = mission_path(&named)?.into_owned();
+    Ok(vec![scenario.to_owned(), mission])
 }
 
 /// The arguments that say what is run.
