@@ -6,6 +6,7 @@ mod support;
 
 use std::collections::BTreeMap;
 use std::fs;
+use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Output, Stdio};
 use std::time::{Duration, Instant};
@@ -430,4 +431,68 @@ fn default_folder_is_not_that_of_another_campaign() {
         assert!(printed.contains(&format!("thesis-1-{folder}runs.csv")));
         assert!(printed.contains("1 were complete before"), "{printed}");
     }
+}
+
+#[test]
+fn campaign_on_hosts_has_the_bytes_of_one_machine_and_outlives_a_host() {
+    let home = tempfile::tempdir().unwrap();
+    let whole = campaign_files(home.path(), "whole", &[]);
+    // A host that is lost in the middle of its first shard, by ssh's exit code.
+    let flaky = home.path().join("flaky");
+    let script = "#!/bin/sh\ncase $1 in env) exit 255;; esac\nexec \"$@\"\n";
+    fs::write(&flaky, script).unwrap();
+    fs::set_permissions(&flaky, fs::Permissions::from_mode(0o755)).unwrap();
+    let host = |run: &str, drone| format!("[[hosts]]\nrun = [\"{run}\"]\ndrones = [{drone}]\n");
+    let hosts = [
+        host("env", 0),
+        host(flaky.to_str().unwrap(), 1),
+        host("env", 2),
+    ];
+    fs::write(home.path().join("hosts.toml"), hosts.concat()).unwrap();
+    let shipped = [
+        &[
+            "campaign",
+            "thesis-1",
+            "--hosts",
+            "hosts.toml",
+            "--out",
+            "spread",
+        ],
+        &CAMPAIGN[..],
+    ];
+    let run = muster(home.path(), &shipped.concat());
+    assert!(run.status.success(), "{}", error_text(&run));
+    assert!(
+        error_text(&run).contains("host 2 is given up"),
+        "{}",
+        error_text(&run)
+    );
+    let one = muster(
+        home.path(),
+        &[&["campaign", "thesis-1", "--out", "one"], &CAMPAIGN[..]].concat(),
+    );
+    assert!(one.status.success(), "{}", error_text(&one));
+    let spread = files(&home.path().join("spread/whole"));
+    assert_same(&spread, &files(&home.path().join("one")));
+    assert_eq!(spread["runs.csv"].len(), whole["runs.csv"].len());
+    // All hosts lost: nothing is complete.
+    fs::write(home.path().join("hosts.toml"), host("false", 0)).unwrap();
+    let shipped = [
+        &[
+            "campaign",
+            "thesis-1",
+            "--hosts",
+            "hosts.toml",
+            "--out",
+            "none",
+        ],
+        &CAMPAIGN[..],
+    ];
+    let run = muster(home.path(), &shipped.concat());
+    assert_eq!(run.status.code(), Some(1));
+    assert!(
+        error_text(&run).contains("no host is left, 4 shards are missing"),
+        "{}",
+        error_text(&run)
+    );
 }

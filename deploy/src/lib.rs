@@ -1,8 +1,14 @@
 //! Operation of whole fleets: flies a swarm of processes on one or many machines, and queries their status.
 
+pub mod campaign;
 pub mod controller;
+mod drone_file;
 pub mod firmware;
+pub mod hosts;
 mod pose;
+pub mod release;
+mod remote;
+pub mod rollout;
 pub mod status;
 pub mod swarm;
 

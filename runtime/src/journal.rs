@@ -67,8 +67,11 @@ pub trait Storage {
     fn set_last_synced(&mut self, number: u64) -> io::Result<()>;
 }
 
+/// Version of the format.
+pub const VERSION: u8 = 1;
+
 /// First bytes of a journal: the file type and the format's version.
-pub const MAGIC: [u8; 8] = *b"musterJ\x01";
+pub const MAGIC: [u8; 8] = [b'm', b'u', b's', b't', b'e', b'r', b'J', VERSION];
 
 /// Size above which a journal is compacted to the newest checkpoints, in bytes.
 const COMPACT_ABOVE: usize = 256 * 1_024;

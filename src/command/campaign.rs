@@ -1,3 +1,5 @@
+mod spread;
+
 use std::io;
 use std::num::NonZeroUsize;
 use std::path::{Path, PathBuf};
@@ -52,6 +54,10 @@ pub(crate) struct Arguments {
         hide_default_value = true
     )]
     shard: Shard,
+    /// Run on the hosts of a hosts file instead of this machine: muster is sent to each, and the shards are joined. Hosts need
+    /// this machine's processor and system.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["shard", "jobs"])]
+    hosts: Option<PathBuf>,
     /// Number of parallel runs [default: one per core]
     #[arg(long, value_name = "N", value_parser = jobs)]
     jobs: Option<NonZeroUsize>,
@@ -106,6 +112,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         .out
         .clone()
         .unwrap_or_else(|| default_folder(&arguments.scenario, &campaign));
+    if let Some(hosts) = &arguments.hosts {
+        return spread::run(arguments, &campaign, (hosts, &out));
+    }
     let jobs = arguments
         .jobs
         .or_else(|| std::thread::available_parallelism().ok());

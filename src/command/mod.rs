@@ -4,6 +4,7 @@ mod campaign;
 mod chaos;
 mod check;
 mod completions;
+mod deploy;
 mod drone;
 mod fc;
 mod folder;
@@ -25,6 +26,7 @@ use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
 use muster_daemon::operator::OperatorError;
+use muster_deploy::campaign::SpreadError;
 use muster_deploy::swarm::SwarmError;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::failure::{report_bad_inputs, report_error};
@@ -63,6 +65,7 @@ enum Command {
     Thesis(thesis::Arguments),
     Swarm(swarm::Arguments),
     Status(status::Arguments),
+    Deploy(deploy::Arguments),
     Keys(keys::Arguments),
     Drone(drone::Arguments),
     Fc(fc::Arguments),
@@ -105,6 +108,10 @@ enum Failure {
     Swarm(#[source] Box<SwarmError>),
     #[error("{0} of {1} drones do not answer")]
     NoAnswer(usize, usize),
+    #[error(transparent)]
+    Deploy(deploy::DeployFailure),
+    #[error("the campaign is not complete")]
+    Spread(#[source] SpreadError),
     #[error("can't make the keys")]
     Keys(#[source] KeysError),
     #[error(transparent)]
@@ -157,6 +164,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Thesis(arguments) => thesis::run(&arguments),
         Command::Swarm(arguments) => swarm::run(&arguments),
         Command::Status(arguments) => status::run(&arguments),
+        Command::Deploy(arguments) => deploy::run(&arguments),
         Command::Check(arguments) => check::run(&arguments),
         Command::Keys(arguments) => keys::run(&arguments),
         Command::Drone(arguments) => drone::run(&arguments),

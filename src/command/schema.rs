@@ -1,6 +1,6 @@
 use clap::{Args, ValueEnum};
 use muster_daemon::config;
-use muster_deploy::swarm;
+use muster_deploy::hosts;
 use muster_runtime::plan;
 
 use super::{Failure, Outcome, terminal};
@@ -36,7 +36,7 @@ enum Files {
     Scenario,
     /// Drone file of `musterd`
     Drone,
-    /// Hosts file of `muster swarm --hosts`
+    /// Hosts file of `muster swarm --hosts` and `muster deploy`
     Hosts,
 }
 
@@ -44,7 +44,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (schema, reference) = match arguments.files {
         Files::Scenario => (plan::schema(), plan::reference as fn() -> String),
         Files::Drone => (config::schema(), config::reference as _),
-        Files::Hosts => (swarm::schema(), swarm::reference as _),
+        Files::Hosts => (hosts::schema(), hosts::reference as _),
     };
     terminal::print(&match arguments.format {
         Format::Json => format!("{:#}\n", schema.json),

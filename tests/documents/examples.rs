@@ -182,7 +182,7 @@ fn hosts_files_in_documents_are_accepted() {
     let file = folder.path().join("hosts.toml");
     for (place, text) in examples("toml hosts") {
         fs::write(&file, text).unwrap();
-        let hosts = muster_deploy::swarm::Hosts::load(&file, 5);
+        let hosts = muster_deploy::hosts::Hosts::load(&file, 5);
         assert!(hosts.is_ok(), "{place}: {hosts:?}");
     }
 }

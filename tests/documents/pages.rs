@@ -7,7 +7,7 @@ use std::path::Path;
 
 use assert_cmd::Command;
 use muster_daemon::config;
-use muster_deploy::swarm;
+use muster_deploy::hosts;
 use muster_runtime::plan;
 
 use super::examples::{muster, musterd};
@@ -198,7 +198,7 @@ fn schemas_lists_and_pages_of_fields_are_those_declared() {
     let lists = [
         ("scenario", "runtime/src/plan/raw", plan::schema()),
         ("drone", "runtime/daemon/src/config", config::schema()),
-        ("hosts", "deploy/src/swarm/hosts", swarm::schema()),
+        ("hosts", "deploy/src/hosts", hosts::schema()),
     ];
     for (kind, folder, schema) in lists {
         assert_generated(&format!("{folder}/fields.txt"), &schema.list());

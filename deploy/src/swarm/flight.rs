@@ -15,12 +15,12 @@ use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at}
 use super::controllers::Controllers;
 use super::folder::DroneFolder;
 use super::host::{Launcher, end_launchers, start_launchers};
-use super::hosts::Hosts;
 use super::losses::SentLosses;
 use super::output::ProcessOutput;
 use super::process::{DroneProcess, HostEvent, StartMode};
 use super::reports::ReportQueue;
 use super::{Request, START_MAX, SwarmError, Watcher};
+use crate::hosts::Hosts;
 use muster_daemon::clock::Clock;
 use muster_daemon::control::{ActorFault, ControlMessage};
 

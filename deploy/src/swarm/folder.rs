@@ -3,19 +3,19 @@
 use std::collections::BTreeMap;
 use std::fs::{self, File, TryLockError};
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, TcpListener, UdpSocket};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::Fleet;
 use muster_scenarios::scenario;
-use serde::Serialize;
 
 use super::controllers::{Port, Ports};
-use super::hosts::{Host, Hosts, Reach};
 use super::{Request, SwarmError};
-use muster_daemon::config::TransportName;
+use crate::drone_file::{DroneFile, Keys, LogFormat, Observe};
+use crate::hosts::{Host, Hosts, Reach};
+use muster_daemon::config::{ReceiverName, StageName, TransportName};
 
 /// The file that marks the folder of a flight; locked during the flight.
 const LOCK_FILE: &str = "flight.lock";
@@ -32,61 +32,6 @@ pub(super) struct DroneFolder {
     pub(super) log: PathBuf,
     /// Where its flight controller is. `None` if it has none.
     pub(super) controller: Option<SocketAddr>,
-}
-
-#[derive(Serialize)]
-struct DroneFile<'a> {
-    scenario: &'a Path,
-    id: u32,
-    stage: &'static str,
-    vehicle: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    port: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    receiver: Option<&'static str>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pose: Option<SocketAddr>,
-    transport: TransportName,
-    journal: &'static str,
-    log: LogFormat,
-    keys: Keys,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    udp: Option<Network>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    quic: Option<Network>,
-    observe: Option<Observe>,
-}
-
-/// Format of the drones' logs.
-#[derive(Debug, Clone, Copy, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(super) enum LogFormat {
-    /// For the starter, which reads reports in it.
-    Json,
-    /// For people.
-    Human,
-}
-
-#[derive(Serialize)]
-struct Keys {
-    drone: String,
-    fleet: &'static str,
-    roster: &'static str,
-    revoked: &'static str,
-}
-
-#[derive(Serialize)]
-struct Network {
-    bind: Option<SocketAddr>,
-    group: Option<SocketAddrV4>,
-    broadcast: Option<SocketAddrV4>,
-    peers: Option<Vec<SocketAddr>>,
-    interface: Option<String>,
-}
-
-#[derive(Serialize)]
-struct Observe {
-    http: SocketAddr,
 }
 
 /// Creates the folder of a flight: keys, drone files and other files of all drones.
@@ -153,19 +98,21 @@ fn write_files(
         let file = DroneFile {
             scenario: &Path::new("../scenario").join(&scenario.0),
             id: id.0,
-            stage: "sim",
+            stage: StageName::Sim,
             vehicle: controller.map_or("closed-form", |_| "msp"),
             port: controller.map(|address| format!("tcp:{address}")),
-            receiver: controller.map(|_| "sole"),
+            receiver: controller.map(|_| ReceiverName::Sole),
             pose: pose.flatten(),
             transport: request.transport,
-            journal: "journal",
+            journal: "journal".to_owned(),
+            flight: None,
             log,
             keys: Keys {
                 drone: format!("../fleet/{key}"),
                 fleet: "../fleet/fleet.pub",
                 roster: "../fleet/roster.toml",
                 revoked: "../fleet/revoked.toml",
+                grant: None,
             },
             udp,
             quic,
@@ -230,33 +177,6 @@ impl Hosts {
         addresses
             .map(|(id, listener)| Ok((*id, listener.local_addr()?)))
             .collect()
-    }
-
-    /// The network settings of each drone.
-    fn networks(&self) -> BTreeMap<NodeId, Network> {
-        let drones = |host: &'_ Host| host.drones.clone();
-        let all: Vec<_> = self.hosts.iter().flat_map(drones).collect();
-        let network = |host: &Host, id: NodeId, bind: Option<SocketAddr>| {
-            let others = all.iter().filter(|(other, _)| *other != id);
-            let (group, broadcast, peers) = match self.reach {
-                Reach::Group(all) => (Some(all), None, None),
-                Reach::Broadcast(all) => (None, Some(all), None),
-                Reach::Peers => (None, None, Some(others.filter_map(|it| it.1).collect())),
-            };
-            Network {
-                bind,
-                group,
-                broadcast,
-                peers,
-                interface: host.interface.clone(),
-            }
-        };
-        let of_host = |host: &Host| {
-            let drones = host.drones.iter();
-            let drones = drones.map(|(id, bind)| (*id, network(host, *id, *bind)));
-            drones.collect::<Vec<_>>()
-        };
-        self.hosts.iter().flat_map(of_host).collect()
     }
 }
 

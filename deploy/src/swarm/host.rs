@@ -14,11 +14,11 @@ use tokio::sync::mpsc::{self, UnboundedSender};
 use tokio::task::{JoinHandle, JoinSet};
 
 use super::folder::DroneFolder;
-use super::hosts::Host;
 use super::link::Link;
 use super::offset::add_nanos;
 use super::process::HostEvent;
 use super::{Request, SwarmError};
+use crate::hosts::Host;
 
 /// Most orders that queue for a slow connection. Further orders are dropped.
 const QUEUED_ORDERS_MAX: usize = 4_096;

@@ -20,11 +20,11 @@ use tokio::sync::mpsc::{self, UnboundedSender};
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 
-use super::hosts::Host;
 use super::offset::Offset;
 use super::output::{ProcessOutput, parse};
 use super::process::HostEvent;
 use super::{START_MAX, SwarmError};
+use crate::hosts::Host;
 
 /// Period of the pings, which measure the host's clock.
 const PING_PERIOD: Duration = Duration::from_secs(1);

@@ -10,7 +10,6 @@ mod controllers;
 mod flight;
 mod folder;
 mod host;
-mod hosts;
 mod link;
 mod losses;
 mod offset;
@@ -39,7 +38,7 @@ use muster_daemon::config::TransportName;
 use muster_daemon::launcher::protocol::VERSION;
 
 use self::controllers::{Controllers, open_ports};
-pub use self::hosts::{Hosts, reference, schema};
+use crate::hosts::Hosts;
 
 /// A flight to start.
 #[derive(Debug)]

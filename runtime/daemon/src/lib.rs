@@ -1,6 +1,7 @@
 //! The daemon `musterd`: one drone as a process, its configuration and status; and the launcher that starts drones on a host
 //! for `muster swarm`.
 
+pub mod audit;
 #[doc(hidden)]
 pub mod clock;
 pub mod config;
@@ -13,4 +14,5 @@ pub mod log;
 pub mod operator;
 pub mod pose;
 pub mod program;
+pub mod slots;
 pub mod status;

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{Parser, Subcommand};
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::failure::{report_bad_inputs, report_error};
 use muster_runtime::journal;
@@ -11,6 +11,7 @@ use muster_runtime::journal;
 use crate::config::DroneConfig;
 use crate::daemon::{self, DaemonError, Ended, Start};
 use crate::launcher;
+use crate::slots::{self, SlotAction};
 
 /// Flies one drone until it has landed for the last time.
 ///
@@ -19,6 +20,8 @@ use crate::launcher;
 #[command(
     name = "musterd",
     version,
+    args_conflicts_with_subcommands = true,
+    subcommand_negates_reqs = true,
     after_help = "Exit codes: 0 the mission was flown, or the drone was recalled and has landed; 1 a failure on this \
                   machine; 2 an invalid file or argument, or a \
                   flight that is over; 4 the drone landed by itself before the end of the mission.\n\nExample: musterd --config drone.toml --fly"
@@ -46,12 +49,28 @@ struct Arguments {
     /// Print the newest checkpoints of a journal as JSON, one a line, then exit. FOLDER is that of one flight.
     #[arg(long, value_name = "FOLDER", exclusive = true)]
     show_journal: Option<PathBuf>,
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Manage the releases on this host, for `muster deploy`.
+    #[command(subcommand)]
+    Slot(SlotAction),
 }
 
 /// Runs the program `musterd` with the arguments of this process. Returns its exit code.
 #[must_use]
 pub fn main() -> ExitCode {
     let arguments = Arguments::parse();
+    if let Some(Command::Slot(action)) = &arguments.command {
+        return match slots::run(action) {
+            Ok(true) => ExitCode::SUCCESS,
+            Ok(false) => ExitCode::FAILURE,
+            Err(error) => report_error(&error, 1),
+        };
+    }
     if let Some(folder) = &arguments.show_journal {
         return show_journal(folder);
     }

@@ -1,6 +1,6 @@
 //! The status of a drone's process, as `/status` answers it in JSON.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
@@ -24,6 +24,9 @@ pub struct Status {
     pub faults: Vec<String>,
     /// State of the mission.
     pub state: Doing,
+    /// Whether the drone is armed or takes part in a flight: from when it has heard of a master until it is on the ground for
+    /// good.
+    pub in_flight: bool,
     /// Role in the swarm.
     pub role: Role,
     /// Current leader. `None` if the drone has none.
@@ -32,6 +35,8 @@ pub struct Status {
     pub hops: Option<u16>,
     /// Next hop to the master. `None` on the master and without a route.
     pub parent: Option<u32>,
+    /// Drones that have proven themselves to this one since its start: they have signed its nonce.
+    pub proven: BTreeSet<u32>,
     /// Drones heard since the start, by number.
     pub heard: BTreeMap<u32, Heard>,
     /// Position, battery and motors.

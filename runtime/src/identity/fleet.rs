@@ -10,7 +10,7 @@ use muster_machines::identity::NodeId;
 use thiserror::Error;
 
 use super::key::{generate_key, key_exists, load_secret, write_public, write_secret};
-use super::{FleetKey, Grant, RevocationList, Roster};
+use super::{FleetKey, Grant, Manifest, RevocationList, Roster};
 use crate::diagnostic::BadInput;
 use crate::file::replace;
 
@@ -144,12 +144,20 @@ impl Fleet {
         Ok(self.folder.join(name))
     }
 
+    /// Signs a release's manifest. Returns its text.
+    #[must_use]
+    pub fn sign_release(&self, manifest: &Manifest) -> String {
+        manifest.to_toml(&self.key)
+    }
+
     #[cfg(test)]
     pub(super) const fn key(&self) -> &SigningKey {
         &self.key
     }
 
-    fn public(&self) -> FleetKey {
+    /// The fleet's public key.
+    #[must_use]
+    pub fn public(&self) -> FleetKey {
         FleetKey(self.key.verifying_key())
     }
 

@@ -21,6 +21,7 @@ mod ground_check;
 mod key;
 mod lists;
 mod operator;
+mod release;
 
 pub use authenticator::{Ed25519Authenticator, IdentityMismatch};
 pub use fleet::{Fleet, KeysError};
@@ -29,6 +30,7 @@ pub use ground_check::GroundCheck;
 pub use key::{DroneKey, FleetKey};
 pub use lists::{RevocationList, Roster};
 pub use operator::OperatorKey;
+pub use release::{MANIFEST_MAX, Manifest, RELEASE_FILE_MAX, ReleaseFile, is_plain};
 
 #[cfg(test)]
 mod tests;

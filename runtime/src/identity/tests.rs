@@ -369,3 +369,71 @@ mod grants {
         }
     }
 }
+
+/// A release with two files.
+fn release() -> Manifest {
+    let files = [
+        ("x86_64/musterd", &b"program"[..]),
+        ("units/a.service", b"unit"),
+    ];
+    Manifest {
+        version: "0.2.0".to_owned(),
+        wire: vec![1, 2],
+        journal: vec![1],
+        files: files
+            .map(|(path, content)| (path.to_owned(), ReleaseFile::of(content)))
+            .into(),
+    }
+}
+
+#[test]
+fn altered_manifest_is_refused() {
+    let (_folder, fleet) = fleet();
+    let text = fleet.sign_release(&release());
+    let parse = |text: String| Manifest::parse(Path::new("manifest.toml"), text, &fleet.public());
+    assert_eq!(parse(text.clone()).unwrap(), release());
+    // Each byte of the text, changed in its lowest bit, gives another manifest, a refused one, or one that says the same.
+    let mut refused = 0;
+    for at in 0..text.len() {
+        let mut bytes = text.clone().into_bytes();
+        bytes[at] ^= 1;
+        match String::from_utf8(bytes).map(&parse) {
+            Ok(Ok(read)) => assert_eq!(read, release(), "byte {at}"),
+            _ => refused += 1,
+        }
+    }
+    assert!(refused > text.len() / 2, "{refused} of {}", text.len());
+    let (_other_folder, other) = self::fleet();
+    assert!(
+        parse(other.sign_release(&release())).is_err(),
+        "another fleet's"
+    );
+}
+
+#[test]
+fn manifest_names_no_path_out_of_its_folder() {
+    for path in ["x86_64/musterd", "units/musterd@.service", "a"] {
+        assert!(is_plain(path), "{path}");
+    }
+    for path in [
+        "",
+        "/etc/passwd",
+        "../a",
+        "a/../b",
+        "a//b",
+        "a/",
+        "a b",
+        "-a",
+        "a/-b",
+        "a\"b",
+        "a;b",
+        "a/.b",
+    ] {
+        assert!(!is_plain(path), "{path}");
+        let (_folder, fleet) = fleet();
+        let mut manifest = release();
+        manifest.files.insert(path.to_owned(), ReleaseFile::of(b""));
+        let text = fleet.sign_release(&manifest);
+        assert!(Manifest::parse(Path::new("manifest.toml"), text, &fleet.public()).is_err());
+    }
+}

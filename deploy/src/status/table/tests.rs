@@ -28,6 +28,7 @@ fn status(drone: u32) -> Status {
             words: "moving to waypoint 2".to_owned(),
             waypoint: Some(2),
         },
+        in_flight: true,
         role: Role::Member,
         ballot: Some(LeaderEpoch {
             term: 1,
@@ -36,6 +37,7 @@ fn status(drone: u32) -> Status {
         }),
         hops: Some(1),
         parent: Some(2),
+        proven: [0, 2, 3].into(),
         heard: [(0, heard(0.4)), (2, heard(2.9)), (3, heard(3.1))].into(),
         vehicle: VehicleStatus {
             north_m: 20.04,

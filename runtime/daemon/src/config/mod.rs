@@ -29,7 +29,8 @@ use serde::{Deserialize, Serialize};
 
 pub(crate) use self::autopilot::AutopilotConfig;
 pub(crate) use self::flight::Origin;
-use self::raw::{LevelName, LogName, Network, Raw, ReceiverName, StageName, VehicleName};
+use self::raw::{LevelName, LogName, Network, Raw, VehicleName};
+pub use self::raw::{ReceiverName, StageName};
 use crate::log::{Format, Level};
 
 /// Path of the newest revocation list that a drone has received. It is beside the journal's folder, because it outlives

@@ -68,9 +68,10 @@ pub(super) struct Raw {
     pub(super) observe: Option<Observe>,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum StageName {
+/// The stage in a drone's file.
+pub enum StageName {
     /// Arms a simulated vehicle, a flight controller whose board says that it is a simulation, or an autopilot at a loopback
     /// address.
     Sim,
@@ -94,9 +95,10 @@ pub(super) enum VehicleName {
     Mavlink,
 }
 
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
-pub(super) enum ReceiverName {
+/// Who else commands a flight controller, in a drone's file.
+pub enum ReceiverName {
     /// Nobody: MSP is the only receiver. For bench and simulation, since no pilot can take over.
     Sole,
     /// A pilot, whose receiver arms and gives MSP the sticks by a switch (`MSP OVERRIDE`).

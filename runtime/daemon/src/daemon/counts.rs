@@ -1,6 +1,6 @@
 //! Counters of a drone's process.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Display;
 
 use muster_machines::identity::NodeId;
@@ -18,6 +18,8 @@ pub(super) struct Counts {
     pub(super) sent: BTreeMap<PacketKind, Sent>,
     /// Frames that the radio admitted, for itself or for the routing.
     pub(super) admitted: u64,
+    /// Senders of admitted frames: each has signed this process's nonce.
+    pub(super) proven: BTreeSet<NodeId>,
     /// Admitted frames for the routing, by kind of packet.
     pub(super) admitted_by_kind: BTreeMap<PacketKind, u64>,
     /// Senders of admitted frames; members only.

@@ -154,6 +154,7 @@ impl State {
             }
             Effect::LearnAddress { sender, source } => {
                 self.monitor.counts.admitted += 1;
+                self.monitor.counts.proven.insert(sender);
                 self.link.network.transport().learn(sender, source);
             }
             Effect::Command(command) => {

@@ -52,6 +52,7 @@ impl State {
             up_s: now.since(self.clock.started()).as_secs_f64(),
             faults: self.faults(now),
             state: doing(self.checkpoints().state()),
+            in_flight: !self.is_idle(),
             role,
             ballot: ballot.map(|ballot| LeaderEpoch {
                 term: ballot.term,
@@ -60,6 +61,7 @@ impl State {
             }),
             hops: self.monitor.routes.hops,
             parent: self.monitor.routes.parent.map(|id| id.0),
+            proven: self.monitor.counts.proven.iter().map(|id| id.0).collect(),
             heard: self.heard(now),
             vehicle: self.vehicle(now),
             port: self.vehicle.port(),

@@ -1,4 +1,8 @@
-//! The hosts file: which drones' processes run on which host, and how their frames reach each other.
+//! The hosts file: which drones' processes run on which host, and how their frames reach each other. For `muster deploy` it is
+//! the fleet's file, with more in it.
+
+mod fleet;
+mod raw;
 
 use std::collections::BTreeMap;
 use std::net::{SocketAddr, SocketAddrV4};
@@ -7,9 +11,10 @@ use std::sync::LazyLock;
 
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, FileFormat, TomlFile};
-use muster_runtime::schema::{self, FieldList, FileSchema, Located};
-use schemars::JsonSchema;
-use serde::Deserialize;
+use muster_runtime::schema::{self, FieldList, FileSchema};
+
+pub use self::fleet::{Controller, Fleet, FleetHost, Wave};
+use self::raw::{Raw, RawHost};
 
 /// What a hosts file may hold.
 #[must_use]
@@ -22,8 +27,8 @@ pub fn schema() -> &'static FileSchema {
 /// The reference of hosts files as a page in Markdown.
 #[must_use]
 pub fn reference() -> String {
-    let introduction = "A hosts file tells `muster swarm --hosts` which drones run on which host, and how their \
-                        frames reach each other. It is a TOML file. Without `group` and `broadcast`, a frame for all is \
+    let introduction = "A hosts file tells `muster swarm --hosts` and `muster deploy` which drones run on which host, \
+                        and how their frames reach each other. It is a TOML file. Without `group` and `broadcast`, a frame for all is \
                         sent to each drone's address.";
     schema::page("Hosts file", introduction, &schema().fields)
 }
@@ -31,13 +36,13 @@ pub fn reference() -> String {
 /// The hosts of a swarm. Each drone runs on exactly one.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Hosts {
-    pub(super) reach: Reach,
-    pub(super) hosts: Vec<Host>,
+    pub(crate) reach: Reach,
+    pub(crate) hosts: Vec<Host>,
 }
 
 /// How a broadcast frame reaches the other drones.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Reach {
+pub(crate) enum Reach {
     /// To a multicast group.
     Group(SocketAddrV4),
     /// To the broadcast address of the network.
@@ -48,84 +53,29 @@ pub(super) enum Reach {
 
 /// A machine or a network namespace that runs drones' processes.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(super) struct Host {
+pub(crate) struct Host {
     /// The command that runs other commands there, for example ssh; empty for this machine.
-    pub(super) run: Vec<String>,
+    pub(crate) run: Vec<String>,
     /// The daemon's program there.
-    pub(super) musterd: PathBuf,
+    pub(crate) musterd: PathBuf,
     /// Its drones, each with its address; `None` if any free port will do.
-    pub(super) drones: BTreeMap<NodeId, Option<SocketAddr>>,
-    pub(super) interface: Option<String>,
+    pub(crate) drones: BTreeMap<NodeId, Option<SocketAddr>>,
+    pub(crate) interface: Option<String>,
 }
 
 impl Host {
     /// Whether it is this machine, outside of any namespace.
-    pub(super) fn is_local(&self) -> bool {
+    pub(crate) fn is_local(&self) -> bool {
         self.run.is_empty()
     }
 
     /// Its name in messages: the command that runs others there.
-    pub(super) fn name(&self) -> String {
+    pub(crate) fn name(&self) -> String {
         match &self.run[..] {
             [] => "this machine".to_owned(),
             run => run.join(" "),
         }
     }
-}
-
-/// The fields of a hosts file; their only declaration, as for scenario files.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-struct Raw {
-    /// Multicast group for broadcasts.
-    #[schemars(extend(
-        "x-accepted" = "an IPv4 address from 224.0.0.0 to 239.255.255.255 and a port, for example \"239.77.0.1:4700\""
-    ))]
-    group: Option<Located<SocketAddrV4>>,
-    /// Broadcast address of the network.
-    #[schemars(extend(
-        "x-accepted" = "an IPv4 broadcast address and a port, for example \"10.0.0.255:4700\"",
-        "x-condition" = "not with `group`"
-    ))]
-    broadcast: Option<Located<SocketAddrV4>>,
-    #[serde(default)]
-    hosts: Vec<Located<RawHost>>,
-}
-
-/// The hosts, each with its drones.
-#[derive(Debug, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, expecting = "a table, `[[hosts]]`")]
-struct RawHost {
-    /// Drones and relays on this host. Each of the scenario is on exactly one host.
-    #[schemars(
-        with = "Vec<u32>",
-        extend("x-accepted" = "a list of numbers of drones and relays, for example `[0, 1]`")
-    )]
-    drones: Located<Vec<Located<u32>>>,
-    /// Command that runs another command on the host and connects its input and output.
-    #[schemars(extend(
-        "x-accepted" = "a list of a command and its arguments, for example `[\"ssh\", \"pi@10.0.0.7\"]`",
-        "x-default" = "none, for this machine"
-    ))]
-    run: Option<Located<Vec<String>>>,
-    /// The daemon's program on the host, of the same version as `muster`.
-    #[schemars(extend(
-        "x-accepted" = "a path or name of letters, digits and `/._-+`",
-        "x-default" = "\"musterd\""
-    ))]
-    musterd: Option<Located<String>>,
-    /// Network interface of the host.
-    #[schemars(extend(
-        "x-accepted" = "the name of a network interface, for example \"wlan0\"",
-        "x-default" = "by the system's routes"
-    ))]
-    interface: Option<String>,
-    /// Address of the host's first drone; the others use the following ports.
-    #[schemars(extend(
-        "x-accepted" = "an address and port, for example \"10.0.0.7:4700\"",
-        "x-condition" = "only without `group` and `broadcast`, which need none"
-    ))]
-    address: Option<Located<SocketAddr>>,
 }
 
 impl Hosts {
@@ -136,6 +86,22 @@ impl Hosts {
     pub fn load(path: &Path, nodes: u32) -> Result<Self, BadInput> {
         File(TomlFile::read(path, FORMAT)?).hosts(nodes)
     }
+}
+
+/// The commands that run others on the hosts of a file, whatever drones they have.
+///
+/// # Errors
+/// If the file can't be used, or has no host.
+pub fn commands(path: &Path) -> Result<Vec<Vec<String>>, BadInput> {
+    let file = File(TomlFile::read(path, FORMAT)?);
+    let hosts = file.0.raw.hosts.iter();
+    let commands: Vec<_> = hosts
+        .map(|raw| file.run(raw.get_ref()))
+        .collect::<Result<_, _>>()?;
+    if commands.is_empty() {
+        return Err(file.0.error(0..0, "the file has no `[[hosts]]`"));
+    }
+    Ok(commands)
 }
 
 /// A parsed hosts file that is not validated yet.

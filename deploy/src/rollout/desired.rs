@@ -1,0 +1,230 @@
+//! What each host should have: the release, and the configuration of its drones.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::net::{Ipv4Addr, SocketAddr};
+use std::path::Path;
+
+use muster_daemon::config::{StageName, TransportName};
+use muster_daemon::slots::{Incoming, IncomingFile, SlotFacts, configuration_digest, hex};
+use muster_machines::identity::NodeId;
+use muster_runtime::diagnostic::{BadInput, read_text};
+use muster_runtime::identity::{ReleaseFile, Roster};
+use muster_scenarios::scenario;
+
+use crate::drone_file::{DroneFile, Keys, LogFormat, Network, Observe};
+use crate::hosts::{Fleet, FleetHost};
+use crate::release::Release;
+
+/// Port of drone 0's status on its host; the others use the following ports.
+const STATUS_PORT: u16 = 9_100;
+
+/// Folder of the drones' state on a host.
+const STATE: &str = "/var/lib/muster";
+
+/// What a host should have.
+#[derive(Debug, Clone)]
+pub struct Desired {
+    /// What the slot has, without peers.
+    pub facts: SlotFacts,
+    /// The configuration: contents by path in the slot.
+    configuration: BTreeMap<String, Vec<u8>>,
+}
+
+/// What each host of a fleet should have, in the order of the hosts.
+///
+/// # Errors
+/// If a key, list or scenario can't be used, or a drone has no key.
+pub fn desired(fleet: &Fleet, release: &Release) -> Result<Vec<Desired>, BadInput> {
+    let shared = shared(fleet)?;
+    let mut networks = fleet.network.networks();
+    let mut all = Vec::new();
+    for host in &fleet.hosts {
+        let mut configuration = shared.clone();
+        for id in &host.drones {
+            let network = networks
+                .remove(id)
+                .expect("each drone of a host has a network");
+            add_drone(&mut configuration, fleet, host, (*id, network))?;
+        }
+        let hashes = configuration
+            .iter()
+            .map(|(path, content)| (path.clone(), ReleaseFile::of(content).sha256));
+        let manifest = &release.manifest;
+        let status = host.drones.iter().map(|id| (id.0, status_address(*id)));
+        all.push(Desired {
+            facts: SlotFacts {
+                version: manifest.version.clone(),
+                release: hex(&manifest.digest()),
+                configuration: configuration_digest(&hashes.collect()),
+                wire: manifest.wire.clone(),
+                journal: manifest.journal.clone(),
+                drones: status.collect(),
+                peers: BTreeSet::new(),
+                gate: fleet.gate,
+            },
+            configuration,
+        });
+    }
+    Ok(all)
+}
+
+/// Files that all drones have.
+fn shared(fleet: &Fleet) -> Result<BTreeMap<String, Vec<u8>>, BadInput> {
+    let mut files = BTreeMap::new();
+    for name in ["fleet.pub", "roster.toml", "revoked.toml"] {
+        let text = read_text(&fleet.keys.join(name))?;
+        files.insert(format!("config/{name}"), text.into_bytes());
+    }
+    for (name, text) in scenario::side_by_side(&fleet.scenario_path)? {
+        files.insert(format!("config/{name}"), text.into_bytes());
+    }
+    Ok(files)
+}
+
+/// Adds a drone's file, key and grant.
+fn add_drone(
+    files: &mut BTreeMap<String, Vec<u8>>,
+    fleet: &Fleet,
+    host: &FleetHost,
+    (id, network): (NodeId, Network),
+) -> Result<(), BadInput> {
+    let [(scenario, _), _] = scenario::side_by_side(&fleet.scenario_path)?;
+    let (key, grant) = (format!("drone-{id}.key"), format!("drone-{id}.grant"));
+    let mut put = |name: &str| -> Result<(), BadInput> {
+        let path = fleet.keys.join(name);
+        let content = fs::read(&path).map_err(|error| {
+            let help = format!(
+                "`muster keys drone {} {id}` makes a drone's key",
+                fleet.keys.display()
+            );
+            BadInput::without_excerpt(&path, error, help)
+        })?;
+        files.insert(format!("config/{name}"), content);
+        Ok(())
+    };
+    put(&key)?;
+    let needs_grant = matches!(host.stage, StageName::Tethered | StageName::Flight);
+    if needs_grant {
+        put(&grant)?;
+    }
+    let (udp, quic) = match fleet.transport {
+        TransportName::Udp => (Some(network), None),
+        TransportName::Quic => (None, Some(network)),
+    };
+    let controller = host.controller.as_ref();
+    let file = DroneFile {
+        scenario: Path::new(&scenario),
+        id: id.0,
+        stage: host.stage,
+        vehicle: controller.map_or("closed-form", |_| "msp"),
+        port: controller.map(|it| it.port.clone()),
+        receiver: controller.map(|it| it.receiver),
+        pose: None,
+        transport: fleet.transport,
+        journal: format!("{STATE}/journal-{id}"),
+        flight: fleet.flight,
+        log: LogFormat::Human,
+        keys: Keys {
+            drone: key,
+            fleet: "fleet.pub",
+            roster: "roster.toml",
+            revoked: "revoked.toml",
+            grant: needs_grant.then_some(grant),
+        },
+        udp,
+        quic,
+        observe: Some(Observe {
+            http: status_address(id),
+        }),
+    };
+    let text = toml::to_string(&file).expect("every drone file has a form in TOML");
+    files.insert(format!("config/drone-{id}.toml"), text.into_bytes());
+    Ok(())
+}
+
+fn status_address(id: NodeId) -> SocketAddr {
+    let port = u32::from(STATUS_PORT) + id.0 % 10_000;
+    let port = u16::try_from(port).expect("below 20,000");
+    SocketAddr::from((Ipv4Addr::LOCALHOST, port))
+}
+
+/// Why a host can't have a release.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the release has no programs for {0}")]
+pub struct OtherProcessor(pub String);
+
+impl Desired {
+    /// Name of the slot.
+    #[must_use]
+    pub fn id(&self) -> String {
+        self.facts.id()
+    }
+
+    /// The slot for a host with this processor, and the contents of its files. Each drone must hear the peers before it is
+    /// good.
+    ///
+    /// # Errors
+    /// If the release has no programs for the processor.
+    pub fn slot(
+        &self,
+        release: &Release,
+        processor: &str,
+        peers: BTreeSet<u32>,
+    ) -> Result<(Incoming, Vec<u8>), OtherProcessor> {
+        let program = format!("{processor}/musterd");
+        let mut files = Vec::new();
+        let mut contents = Vec::new();
+        let released = [
+            ("musterd", program.as_str()),
+            ("musterd@.service", "units/musterd@.service"),
+            ("muster-slots.service", "units/muster-slots.service"),
+        ];
+        for (path, name) in released {
+            let content = release.files.get(name);
+            let content = content.ok_or_else(|| OtherProcessor(processor.to_owned()))?;
+            files.push((path.to_owned(), Some(name.to_owned()), content));
+        }
+        let configuration = self.configuration.iter();
+        files.extend(configuration.map(|(path, content)| (path.clone(), None, content)));
+        let files = files.into_iter().map(|(path, in_release, content)| {
+            contents.extend_from_slice(content);
+            IncomingFile {
+                is_secret: path.ends_with(".key"),
+                path,
+                in_release,
+                bytes: content.len() as u64,
+            }
+        });
+        let incoming = Incoming {
+            files: files.collect(),
+            manifest: release.manifest_text.clone(),
+            facts: SlotFacts {
+                peers,
+                ..self.facts.clone()
+            },
+        };
+        Ok((incoming, contents))
+    }
+}
+
+/// Checks that the roster has all drones of a fleet.
+///
+/// # Errors
+/// If one is missing.
+pub fn check_roster(fleet: &Fleet, roster: &Roster) -> Result<(), BadInput> {
+    let listed: BTreeSet<_> = roster.drones().collect();
+    let mut drones = fleet.hosts.iter().flat_map(|host| &host.drones);
+    match drones.find(|id| !listed.contains(id)) {
+        None => Ok(()),
+        Some(missing) => {
+            let path = fleet.keys.join("roster.toml");
+            let message = format!("has no drone {missing}, which the fleet's file has");
+            let help = format!(
+                "`muster keys drone {} {missing}` adds it",
+                fleet.keys.display()
+            );
+            Err(BadInput::without_excerpt(&path, message, help))
+        }
+    }
+}

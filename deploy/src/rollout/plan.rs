@@ -1,0 +1,116 @@
+//! What a rollout would change on a host, and why.
+
+use muster_daemon::slots::HostFacts;
+use serde::Serialize;
+
+use super::desired::Desired;
+
+/// What is to be done with a host.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case", tag = "kind")]
+pub enum Work {
+    /// It has what it should have.
+    None,
+    /// It has no release yet.
+    Install,
+    /// It has another release.
+    Upgrade {
+        /// Version that runs.
+        from: String,
+    },
+    /// It has the release with another configuration.
+    Configure,
+    /// It can't be changed now; why, in words.
+    Blocked {
+        /// The reason.
+        why: String,
+    },
+}
+
+/// The plan for one host.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize)]
+pub struct HostPlan {
+    /// What is to be done.
+    pub work: Work,
+    /// Drones that are armed or take part in a flight: the host waits for them.
+    pub in_flight: Vec<u32>,
+    /// What the operator should know, in words.
+    pub notes: Vec<String>,
+}
+
+impl HostPlan {
+    /// For a host that can't be reached.
+    #[must_use]
+    pub fn blocked(why: impl Into<String>) -> Self {
+        Self {
+            work: Work::Blocked { why: why.into() },
+            in_flight: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+
+    /// Plans the change of a host. `bytes` is the size of its new slot.
+    #[must_use]
+    pub fn new(desired: &Desired, found: &HostFacts, bytes: u64) -> Self {
+        let flying = found.drones.iter().filter(|(_, drone)| drone.in_flight);
+        let work = work(desired, found, bytes);
+        Self {
+            in_flight: flying.map(|(id, _)| *id).collect(),
+            notes: notes(desired, found, &work),
+            work,
+        }
+    }
+
+    /// Whether the host is to be changed.
+    #[must_use]
+    pub const fn changes(&self) -> bool {
+        matches!(
+            self.work,
+            Work::Install | Work::Upgrade { .. } | Work::Configure
+        )
+    }
+}
+
+fn work(desired: &Desired, found: &HostFacts, bytes: u64) -> Work {
+    let id = desired.id();
+    let is_good = found.good.as_ref() == Some(&id);
+    match &found.current {
+        Some(current) if current.id() == id && is_good => Work::None,
+        _ if found.free_bytes < bytes => {
+            let (needed, free) = (bytes.div_ceil(1_000_000), found.free_bytes / 1_000_000);
+            let why = format!("needs {needed} MB of free space, found {free} MB");
+            Work::Blocked { why }
+        }
+        None => Work::Install,
+        Some(current) if current.release == desired.facts.release => Work::Configure,
+        Some(current) => Work::Upgrade {
+            from: current.version.clone(),
+        },
+    }
+}
+
+fn notes(desired: &Desired, found: &HostFacts, work: &Work) -> Vec<String> {
+    let mut notes = Vec::new();
+    if let Some(failure) = &found.failure {
+        notes.push(format!("{} was taken back: {}", failure.slot, failure.why));
+    }
+    let Some(current) = &found.current else {
+        return notes;
+    };
+    let is_changed = !matches!(work, Work::None | Work::Blocked { .. });
+    let common = |ours: &[u8], theirs: &[u8]| ours.iter().any(|it| theirs.contains(it));
+    if is_changed && !common(&desired.facts.wire, &current.wire) {
+        let version = &desired.facts.version;
+        let message = format!(
+            "{version} and {} have no frames in common: drones of both don't fly together",
+            current.version
+        );
+        notes.push(message);
+    }
+    if is_changed && !common(&desired.facts.journal, &current.journal) {
+        let message =
+            "the new release does not read this journal: raise `flight` in the fleet's file";
+        notes.push(message.to_owned());
+    }
+    notes
+}

@@ -1,0 +1,268 @@
+use proptest::prelude::*;
+
+use super::*;
+
+fn wave(hosts: &[usize], at_once: usize) -> Wave {
+    Wave {
+        hosts: hosts.to_vec(),
+        at_once,
+        soak: Duration::from_secs(10),
+        dropped_per_s_max: 10.0,
+    }
+}
+
+/// A canary, then two hosts, then two hosts.
+fn waves() -> Vec<Wave> {
+    vec![wave(&[0], 1), wave(&[1, 2], 2), wave(&[3, 4], 1)]
+}
+
+fn well(in_flight: usize) -> Event {
+    Event::Seen(Sight {
+        in_flight,
+        complaint: None,
+        dropped_per_s: 0.0,
+    })
+}
+
+fn ill() -> Event {
+    Event::Seen(Sight {
+        in_flight: 0,
+        complaint: Some("drone 0: an actor hangs".to_owned()),
+        dropped_per_s: 0.0,
+    })
+}
+
+/// Hosts that do as they are told: what they do with a release, and what was asked of them.
+struct Fleet {
+    rollout: Rollout,
+    now: Duration,
+    /// Hosts on which the release fails its trial.
+    bad: Vec<usize>,
+    /// Hosts that look ill once they have the release, and since when.
+    ill_after: Vec<(usize, Duration)>,
+    flying: Vec<usize>,
+    actions: Vec<Action>,
+    /// Fewest drones in flight at any time.
+    fewest_flying: usize,
+}
+
+impl Fleet {
+    fn new(states: [HostState; 5], flying: [usize; 5], keep_flying: Option<usize>) -> Self {
+        let rollout = Rollout::new(waves(), states.to_vec(), flying.to_vec(), keep_flying);
+        Self {
+            rollout,
+            now: Duration::ZERO,
+            bad: Vec::new(),
+            ill_after: Vec::new(),
+            fewest_flying: flying.iter().sum(),
+            flying: flying.to_vec(),
+            actions: Vec::new(),
+        }
+    }
+
+    fn waiting() -> Self {
+        Self::new([const { HostState::Waiting }; 5], [0; 5], None)
+    }
+
+    /// Until the rollout is over: each second all hosts are seen, and what was begun ends.
+    fn run(mut self) -> Self {
+        let mut changed_at = [Duration::MAX; 5];
+        for _ in 0..1_000 {
+            let actions = self.rollout.poll(self.now);
+            self.actions.extend(&actions);
+            self.now += Duration::from_secs(1);
+            for action in actions {
+                let (host, event) = match action {
+                    Action::Change(host) if self.bad.contains(&host) => {
+                        (host, Event::Failed("crashed".to_owned()))
+                    }
+                    Action::Change(host) => {
+                        assert_eq!(self.flying[host], 0, "a host in flight is changed");
+                        changed_at[host] = self.now;
+                        (host, Event::Changed)
+                    }
+                    Action::TakeBack(host) => (host, Event::TakenBack(Ok(()))),
+                    Action::Recall(host) => {
+                        self.flying[host] = 0;
+                        let flying = self.flying.iter().sum();
+                        self.fewest_flying = self.fewest_flying.min(flying);
+                        continue;
+                    }
+                };
+                self.rollout.handle(self.now, host, event);
+            }
+            for host in 0..5 {
+                let is_ill = self.ill_after.iter().any(|(nth, after)| {
+                    *nth == host && self.now.saturating_sub(*after) >= changed_at[host]
+                });
+                let event = if is_ill {
+                    ill()
+                } else {
+                    well(self.flying[host])
+                };
+                self.rollout.handle(self.now, host, event);
+            }
+            if self.rollout.is_over() {
+                return self;
+            }
+        }
+        panic!("the rollout does not end: {:?}", self.rollout);
+    }
+
+    fn position(&self, action: Action) -> Option<usize> {
+        self.actions.iter().position(|it| *it == action)
+    }
+}
+
+#[test]
+fn each_wave_soaks_before_the_next() {
+    let fleet = Fleet::waiting().run();
+    assert!(
+        fleet
+            .rollout
+            .hosts()
+            .iter()
+            .all(|it| *it == HostState::Changed)
+    );
+    let changes: Vec<_> = (0..5).map(Action::Change).collect();
+    assert_eq!(fleet.actions, changes);
+    assert!(
+        fleet.now >= Duration::from_secs(30),
+        "three soaks: {:?}",
+        fleet.now
+    );
+}
+
+#[test]
+fn canary_that_fails_stops_the_rollout() {
+    let mut fleet = Fleet::waiting();
+    fleet.bad = vec![0];
+    let fleet = fleet.run();
+    assert_eq!(fleet.actions, [Action::Change(0)]);
+    assert_eq!(fleet.rollout.stopped(), Some("host 0: crashed"));
+    assert_eq!(fleet.rollout.hosts()[4], HostState::Waiting);
+}
+
+#[test]
+fn wave_is_taken_back_whole_and_the_one_before_is_kept() {
+    let mut fleet = Fleet::waiting();
+    fleet.ill_after = vec![(2, Duration::from_secs(3))];
+    let fleet = fleet.run();
+    let hosts = fleet.rollout.hosts();
+    assert_eq!(hosts[0], HostState::Changed);
+    for host in [1, 2] {
+        assert_eq!(hosts[host], HostState::TakenBack(Ok(())));
+    }
+    assert_eq!(fleet.position(Action::Change(3)), None);
+    assert_eq!(
+        fleet.rollout.stopped(),
+        Some("host 2: drone 0: an actor hangs")
+    );
+}
+
+#[test]
+fn flood_of_dropped_frames_fails_the_gate() {
+    let mut rollout = Fleet::waiting().rollout;
+    assert_eq!(rollout.poll(Duration::ZERO), [Action::Change(0)]);
+    rollout.handle(Duration::ZERO, 0, Event::Changed);
+    for second in 0..6 {
+        let sight = Sight {
+            in_flight: 0,
+            complaint: None,
+            dropped_per_s: 11.0,
+        };
+        let at = Duration::from_secs(second);
+        rollout.handle(at, 0, Event::Seen(sight));
+        let is_late = second >= 5;
+        let expected: &[Action] = if is_late { &[Action::TakeBack(0)] } else { &[] };
+        assert_eq!(rollout.poll(at), expected, "second {second}");
+    }
+}
+
+#[test]
+fn host_in_flight_is_left_alone_and_a_wave_of_such_hosts_stops_the_rollout() {
+    let mut states = [const { HostState::Waiting }; 5];
+    states[2] = HostState::Deferred;
+    let fleet = Fleet::new(states, [0, 0, 1, 0, 0], None).run();
+    assert_eq!(fleet.position(Action::Change(2)), None);
+    assert_eq!(fleet.rollout.hosts()[4], HostState::Changed);
+    let fleet = Fleet::new([const { HostState::Deferred }; 5], [1; 5], None).run();
+    assert_eq!(fleet.actions, []);
+    assert_eq!(
+        fleet.rollout.stopped(),
+        Some("no host of the wave could be changed")
+    );
+}
+
+#[test]
+fn recall_takes_hosts_one_at_a_time_and_keeps_the_stated_number_flying() {
+    for keep in 0..=5 {
+        let states = [const { HostState::Deferred }; 5];
+        let fleet = Fleet::new(states, [1; 5], Some(keep)).run();
+        assert!(
+            fleet.fewest_flying >= keep,
+            "{keep}: {}",
+            fleet.fewest_flying
+        );
+        let recalls = fleet
+            .actions
+            .iter()
+            .filter(|it| matches!(it, Action::Recall(_)));
+        assert_eq!(recalls.count(), 5 - keep, "keep {keep}");
+        for host in 0..5 - keep {
+            let (recalled, changed) = (
+                fleet.position(Action::Recall(host)),
+                fleet.position(Action::Change(host)),
+            );
+            assert!(recalled < changed, "{:?}", fleet.actions);
+            let next = fleet.position(Action::Recall(host + 1));
+            assert!(
+                next.is_none_or(|next| Some(next) > changed),
+                "one at a time"
+            );
+        }
+    }
+}
+
+#[test]
+fn resumed_rollout_goes_on_behind_what_is_done() {
+    let mut states = [const { HostState::Waiting }; 5];
+    (states[0], states[1]) = (HostState::Unchanged, HostState::Unchanged);
+    let fleet = Fleet::new(states, [0; 5], None).run();
+    assert_eq!(fleet.actions, [2, 3, 4].map(Action::Change));
+}
+
+proptest! {
+    /// Whatever hosts do: at most so many at once, no wave before the last one has soaked, and an end.
+    #[test]
+    fn no_wave_begins_before_the_last_one_is_good(
+        bad in prop::collection::vec(0_usize..5, 0..3),
+        ill in prop::collection::vec((0_usize..5, 0_u64..20), 0..3),
+        deferred in prop::collection::vec(0_usize..5, 0..3),
+    ) {
+        let mut states = [const { HostState::Waiting }; 5];
+        let mut flying = [0; 5];
+        for host in deferred {
+            (states[host], flying[host]) = (HostState::Deferred, 1);
+        }
+        let mut fleet = Fleet::new(states, flying, None);
+        fleet.bad = bad;
+        fleet.ill_after = ill.into_iter().map(|(host, s)| (host, Duration::from_secs(s))).collect();
+        let fleet = fleet.run();
+        let begun = |hosts: &[usize]| hosts.iter().any(|it| fleet.position(Action::Change(*it)).is_some());
+        let hosts = fleet.rollout.hosts();
+        if begun(&[1, 2]) {
+            prop_assert_eq!(&hosts[0], &HostState::Changed);
+        }
+        if begun(&[3, 4]) {
+            prop_assert!(hosts[1] == HostState::Changed || hosts[2] == HostState::Changed);
+            prop_assert!(!matches!(&hosts[1], HostState::Failed(_)) && !matches!(&hosts[2], HostState::Failed(_)));
+        }
+        if fleet.rollout.stopped().is_none() {
+            prop_assert!(!hosts.contains(&HostState::Waiting));
+        } else {
+            let wave = &waves()[fleet.rollout.wave().0];
+            prop_assert!(wave.hosts.iter().all(|it| hosts[*it] != HostState::Changed));
+        }
+    }
+}

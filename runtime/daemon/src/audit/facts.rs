@@ -1,0 +1,184 @@
+//! What an audit looks at.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
+use std::io;
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+/// Shells of users that can't log in.
+const NO_SHELLS: [&str; 3] = ["nologin", "false", "sync"];
+
+/// What an audit looks at.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Facts {
+    /// sshd's settings, as `sshd -T` prints them: lower-case names.
+    pub(super) sshd: BTreeMap<String, String>,
+    /// The user who logged in: root, or one who may become root.
+    pub(super) operator: String,
+    /// Users with a shell and a password.
+    pub(super) with_password: BTreeSet<String>,
+    /// Whether the firewall of muster is loaded.
+    pub(super) has_firewall: bool,
+    /// Whether the firewall is loaded at boot.
+    pub(super) firewall_starts: bool,
+    /// Port of sshd.
+    pub(super) ssh_ports: BTreeSet<u16>,
+    /// Files with secrets that others than their owner can read, or keys that they can write.
+    pub(super) open_keys: Vec<PathBuf>,
+    /// Serial ports that everyone can use.
+    pub(super) open_ports: Vec<PathBuf>,
+    /// Exposure of each drone's service, in tenths, by `systemd-analyze security`.
+    pub(super) exposures: BTreeMap<String, u32>,
+}
+
+impl Facts {
+    /// Gathers them below a root folder.
+    pub(super) fn gather(root: &Path) -> io::Result<Self> {
+        let sshd = settings(&output("sshd", &["-T"])?);
+        let ports = sshd_ports(&output("sshd", &["-T"])?);
+        let passwd = fs::read_to_string(root.join("etc/passwd"))?;
+        let shadow = fs::read_to_string(root.join("etc/shadow"))?;
+        let rules = output("nft", &["list", "tables"]).unwrap_or_default();
+        let unit =
+            output("systemctl", &["is-enabled", super::rules::FIREWALL_UNIT]).unwrap_or_default();
+        Ok(Self {
+            sshd,
+            operator: std::env::var("SUDO_USER").unwrap_or_else(|_| "root".to_owned()),
+            with_password: with_password(&passwd, &shadow),
+            has_firewall: rules.lines().any(|line| line.trim() == "table inet muster"),
+            firewall_starts: unit.trim() == "enabled",
+            ssh_ports: ports,
+            open_keys: open_keys(root, &passwd),
+            open_ports: open_ports(root),
+            exposures: exposures()?,
+        })
+    }
+}
+
+/// Runs a command and returns what it prints, also if it fails.
+fn output(program: &str, arguments: &[&str]) -> io::Result<String> {
+    let mut command = Command::new(program);
+    command
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stderr(Stdio::null());
+    // sshd and nft are in /usr/sbin, which is not in every user's path.
+    command.env("PATH", "/usr/sbin:/usr/bin:/sbin:/bin");
+    Ok(String::from_utf8_lossy(&command.output()?.stdout).into_owned())
+}
+
+pub(super) fn settings(text: &str) -> BTreeMap<String, String> {
+    let lines = text.lines().filter_map(|line| line.split_once(' '));
+    lines
+        .map(|(name, value)| (name.to_lowercase(), value.trim().to_owned()))
+        .collect()
+}
+
+fn sshd_ports(text: &str) -> BTreeSet<u16> {
+    let ports = text.lines().filter_map(|line| line.strip_prefix("port "));
+    ports.filter_map(|port| port.trim().parse().ok()).collect()
+}
+
+/// Users who can log in with a password.
+pub(super) fn with_password(passwd: &str, shadow: &str) -> BTreeSet<String> {
+    let shells: BTreeMap<_, _> = passwd
+        .lines()
+        .filter_map(|line| Some((line.split(':').next()?, line.rsplit(':').next()?)))
+        .collect();
+    let can_log_in = |user: &str| {
+        let shell = shells.get(user).copied().unwrap_or("nologin");
+        !NO_SHELLS.iter().any(|it| shell.ends_with(it))
+    };
+    let users = shadow.lines().filter_map(|line| {
+        let mut fields = line.split(':');
+        let (user, hash) = (fields.next()?, fields.next()?);
+        // A hash that begins with ! or * fits no password. An empty one needs none.
+        let is_usable = !hash.starts_with(['!', '*']);
+        (is_usable && can_log_in(user)).then(|| user.to_owned())
+    });
+    users.collect()
+}
+
+/// Secret keys that others can read, and lists of keys that others can write.
+fn open_keys(root: &Path, passwd: &str) -> Vec<PathBuf> {
+    let mut open = Vec::new();
+    let mut check = |path: PathBuf, forbidden: u32| {
+        if fs::metadata(&path).is_ok_and(|it| it.mode() & forbidden != 0) {
+            open.push(path);
+        }
+    };
+    for folder in [
+        root.join("opt/muster/current/config"),
+        root.join("etc/muster"),
+        root.join("etc/ssh"),
+    ] {
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            let name = entry.file_name().to_string_lossy().into_owned();
+            let is_secret =
+                name.ends_with(".key") || (name.starts_with("ssh_host_") && name.ends_with("_key"));
+            if is_secret {
+                check(entry.path(), 0o077);
+            }
+        }
+    }
+    for home in passwd.lines().filter_map(|line| line.split(':').nth(5)) {
+        let home = home.trim_start_matches('/');
+        check(root.join(home).join(".ssh/authorized_keys"), 0o022);
+    }
+    open.sort();
+    open.dedup();
+    open
+}
+
+/// Serial ports that everyone can read or write.
+fn open_ports(root: &Path) -> Vec<PathBuf> {
+    let entries = fs::read_dir(root.join("dev"))
+        .into_iter()
+        .flatten()
+        .flatten();
+    let ports = entries.filter_map(|entry| {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_port = ["ttyACM", "ttyAMA", "ttyUSB"]
+            .iter()
+            .any(|it| name.starts_with(it));
+        let metadata = entry.metadata().ok()?;
+        let is_open = metadata.file_type().is_char_device() && metadata.mode() & 0o006 != 0;
+        (is_port && is_open).then(|| entry.path())
+    });
+    let mut ports: Vec<_> = ports.collect();
+    ports.sort();
+    ports
+}
+
+/// Exposures of the drones' services that run.
+fn exposures() -> io::Result<BTreeMap<String, u32>> {
+    let units = output(
+        "systemctl",
+        &["list-units", "--plain", "--no-legend", "musterd@*.service"],
+    )?;
+    let mut exposures = BTreeMap::new();
+    for unit in units
+        .lines()
+        .filter_map(|line| line.split_whitespace().next())
+    {
+        let text = output("systemd-analyze", &["security", "--no-pager", unit])?;
+        if let Some(exposure) = exposure(&text) {
+            exposures.insert(unit.to_owned(), exposure);
+        }
+    }
+    Ok(exposures)
+}
+
+/// The exposure in tenths that `systemd-analyze security` prints, e.g. 17 for "exposure level for musterd@0.service: 1.7 OK".
+pub(super) fn exposure(text: &str) -> Option<u32> {
+    let line = text.lines().find(|line| line.contains("exposure level"))?;
+    let (whole, tenth) = line
+        .rsplit(':')
+        .next()?
+        .split_whitespace()
+        .next()?
+        .split_once('.')?;
+    Some(whole.parse::<u32>().ok()? * 10 + tenth.parse::<u32>().ok()?)
+}

@@ -1,0 +1,155 @@
+use std::collections::BTreeSet;
+
+use super::super::facts::{exposure, settings, with_password};
+use super::super::fix::{Undo, undo_order};
+use super::*;
+
+/// What a stock Debian prints, shortened.
+const STOCK: &str = "port 22\npermitrootlogin without-password\npasswordauthentication yes\n\
+                     kbdinteractiveauthentication no\nbanner none\nloglevel INFO\n";
+const HARDENED: &str = "port 22\npermitrootlogin no\npasswordauthentication no\n\
+                        kbdinteractiveauthentication no\nbanner /etc/muster-banner\nloglevel VERBOSE\n";
+
+fn facts(sshd: &str) -> Facts {
+    Facts {
+        sshd: settings(sshd),
+        operator: "pi".to_owned(),
+        ssh_ports: BTreeSet::from([22]),
+        ..Facts::default()
+    }
+}
+
+fn hardened() -> Facts {
+    Facts {
+        has_firewall: true,
+        firewall_starts: true,
+        ..facts(HARDENED)
+    }
+}
+
+fn broken(facts: &Facts) -> Vec<String> {
+    judge(facts).into_iter().map(|it| it.rule).collect()
+}
+
+#[test]
+fn stock_host_breaks_rules_and_a_hardened_one_none() {
+    let found = broken(&facts(STOCK));
+    let expected = [
+        "ssh-keys-only",
+        "ssh-no-root",
+        "ssh-banner",
+        "ssh-log",
+        "firewall",
+    ];
+    assert_eq!(found, expected);
+    assert_eq!(broken(&hardened()), [""; 0]);
+    assert_eq!(changes(&hardened(), &[]), []);
+}
+
+#[test]
+fn each_planted_weakness_is_found() {
+    let table: [(&str, fn(&mut Facts)); 6] = [
+        ("no-passwords", |it| {
+            it.with_password.insert("pi".to_owned());
+        }),
+        ("firewall", |it| it.firewall_starts = false),
+        ("key-permissions", |it| {
+            it.open_keys.push("/etc/muster/drone-0.key".into())
+        }),
+        ("serial-permissions", |it| {
+            it.open_ports.push("/dev/ttyACM0".into())
+        }),
+        ("unit-sandbox", |it| {
+            it.exposures.insert("musterd@0.service".to_owned(), 21);
+        }),
+        ("ssh-no-root", |it| {
+            drop(
+                it.sshd
+                    .insert("permitrootlogin".to_owned(), "yes".to_owned()),
+            )
+        }),
+    ];
+    for (rule, plant) in table {
+        let mut facts = hardened();
+        plant(&mut facts);
+        assert_eq!(broken(&facts), [rule]);
+    }
+}
+
+#[test]
+fn operator_who_is_root_is_not_locked_out() {
+    let root = Facts {
+        operator: "root".to_owned(),
+        ..facts(STOCK)
+    };
+    let findings = judge(&root);
+    let about_root = findings.iter().find(|it| it.rule == "ssh-no-root").unwrap();
+    assert!(!about_root.can_be_fixed && about_root.what.contains("with sudo first"));
+    let settings = changes(&root, &findings)
+        .into_iter()
+        .find_map(|it| match it {
+            Change::Write { path, text } if path == Path::new(SSHD) => Some(text),
+            _ => None,
+        });
+    assert!(
+        settings
+            .unwrap()
+            .contains("PermitRootLogin prohibit-password")
+    );
+}
+
+#[test]
+fn firewall_lets_in_every_port_of_sshd() {
+    let mut facts = facts(STOCK);
+    facts.ssh_ports = BTreeSet::from([22, 2222]);
+    assert!(firewall_rules(&facts).contains("tcp dport { 22, 2222 } accept"));
+}
+
+#[test]
+fn users_who_can_log_in_with_a_password_are_found() {
+    let passwd = "root:x:0:0::/root:/bin/bash\npi:x:1000:1000::/home/pi:/bin/bash\n\
+                  guest:x:1001:1001::/home/guest:/bin/sh\nsync:x:4:1::/bin:/bin/sync\n\
+                  muster:x:999:999::/var/lib/muster:/usr/sbin/nologin\n";
+    let shadow = "root:!:1::::::\npi:$y$hash:1::::::\nguest::1::::::\nsync:*:1::::::\nmuster:$y$hash:1::::::\n";
+    let expected = ["guest", "pi"].map(str::to_owned);
+    assert_eq!(with_password(passwd, shadow), BTreeSet::from(expected));
+}
+
+#[test]
+fn exposure_is_read_as_systemd_prints_it() {
+    let text = "  NAME  DESCRIPTION\n\n→ Overall exposure level for musterd@0.service: 1.7 OK 🙂\n";
+    assert_eq!(exposure(text), Some(17));
+    assert_eq!(exposure("no such unit"), None);
+}
+
+#[test]
+fn change_and_undo_leave_a_file_as_it_was() {
+    let folder = tempfile::tempdir().unwrap();
+    for before in [None, Some("before")] {
+        let path = folder.path().join("settings.d/file");
+        let _ = std::fs::remove_file(&path);
+        if let Some(text) = before {
+            std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+            std::fs::write(&path, text).unwrap();
+        }
+        let change = write(path.to_str().unwrap(), "after".to_owned());
+        let undo = change.undo().unwrap();
+        change.carry_out().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "after");
+        undo.carry_out().unwrap();
+        assert_eq!(std::fs::read_to_string(&path).ok().as_deref(), before);
+    }
+}
+
+#[test]
+fn files_are_restored_before_commands_read_them() {
+    let run = || Undo::Run { words: Vec::new() };
+    let file = || Undo::Write {
+        path: PathBuf::new(),
+        text: None,
+    };
+    assert_eq!(
+        undo_order(vec![run(), file(), run()]),
+        [file(), run(), run()]
+    );
+}

@@ -1,0 +1,305 @@
+//! A host's slots on its disk. Every change is atomic and survives a power cut.
+
+use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
+use std::io;
+use std::os::unix::fs::{DirBuilderExt, symlink};
+use std::path::{Path, PathBuf};
+
+use muster_runtime::file::{replace, sync_folder_of};
+use serde::{Deserialize, Serialize};
+
+use super::facts::SlotFacts;
+use super::machine::{Goal, Link, SlotId, Slots, Step};
+
+/// Folder of an unfinished slot.
+const INCOMING: &str = ".incoming";
+/// Folder of a slot that is being removed.
+const OUTGOING: &str = ".outgoing";
+
+/// Why a release was taken back last.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Failure {
+    /// The slot.
+    pub slot: String,
+    /// The reason, in words.
+    pub why: String,
+}
+
+/// The places of a host.
+#[derive(Debug, Clone)]
+pub(super) struct Disk {
+    root: PathBuf,
+}
+
+impl Disk {
+    /// The slots below a root folder: `/`, or another for tests.
+    pub(super) fn at(root: &Path) -> Self {
+        Self {
+            root: root.to_owned(),
+        }
+    }
+
+    /// The folder of everything here.
+    pub(super) fn home(&self) -> PathBuf {
+        self.root.join("opt/muster")
+    }
+
+    /// The folder of a slot.
+    pub(super) fn slot(&self, slot: &str) -> PathBuf {
+        self.home().join("slots").join(slot)
+    }
+
+    /// Where systemd looks for a unit of the administrator.
+    pub(super) fn unit(&self, name: &str) -> PathBuf {
+        self.root.join("etc/systemd/system").join(name)
+    }
+
+    pub(super) fn link(&self, link: Link) -> PathBuf {
+        self.home().join(match link {
+            Link::Current => "current",
+            Link::Good => "good",
+            Link::Previous => "previous",
+        })
+    }
+
+    fn failure_path(&self) -> PathBuf {
+        self.home().join("last-failure.json")
+    }
+
+    /// Creates the folders, if they are not there.
+    pub(super) fn create(&self) -> io::Result<()> {
+        let mut builder = DirBuilder::new();
+        builder.recursive(true).mode(0o755);
+        builder.create(self.home().join("slots"))?;
+        builder.create(self.root.join("etc/systemd/system"))
+    }
+
+    /// What is there. A folder without links is a host without slots.
+    pub(super) fn slots(&self) -> io::Result<Slots> {
+        let mut slots = Slots::default();
+        let entries = match fs::read_dir(self.home().join("slots")) {
+            Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(slots),
+            entries => entries?,
+        };
+        for entry in entries {
+            let name = entry?.file_name().to_string_lossy().into_owned();
+            if !name.starts_with('.') {
+                slots.complete.insert(name);
+            }
+        }
+        // A link that leads nowhere counts as none.
+        let target = |link| {
+            let target = fs::read_link(self.link(link)).ok()?;
+            let name = target.file_name()?.to_string_lossy().into_owned();
+            slots.complete.contains(&name).then_some(name)
+        };
+        let (current, good) = (target(Link::Current), target(Link::Good));
+        let previous = target(Link::Previous);
+        Ok(Slots {
+            current,
+            good,
+            previous,
+            ..slots
+        })
+    }
+
+    /// Carries out steps until the goal is reached.
+    pub(super) fn reach(&self, goal: &Goal) -> io::Result<Slots> {
+        loop {
+            let slots = self.slots()?;
+            match slots.next(goal) {
+                Some(step) => self.carry_out(&step)?,
+                None => return Ok(slots),
+            }
+        }
+    }
+
+    fn carry_out(&self, step: &Step) -> io::Result<()> {
+        match step {
+            Step::Set(link, None) => {
+                fs::remove_file(self.link(*link))?;
+                sync_folder_of(&self.link(*link))
+            }
+            Step::Set(link, Some(slot)) => {
+                let (path, new) = (self.link(*link), self.link(*link).with_extension("new"));
+                remove_if_there(&new)?;
+                symlink(Path::new("slots").join(slot), &new)?;
+                fs::rename(&new, &path)?;
+                sync_folder_of(&path)
+            }
+            Step::Remove(slot) => {
+                // Renamed first, so that a slot with a name has all its files.
+                let outgoing = self.slot(OUTGOING);
+                remove_all_if_there(&outgoing)?;
+                fs::rename(self.slot(slot), &outgoing)?;
+                sync_folder_of(&outgoing)?;
+                remove_all_if_there(&outgoing)
+            }
+        }
+    }
+
+    /// An empty folder for a slot's files.
+    pub(super) fn new_incoming(&self) -> io::Result<PathBuf> {
+        let incoming = self.slot(INCOMING);
+        remove_all_if_there(&self.slot(OUTGOING))?;
+        remove_all_if_there(&incoming)?;
+        DirBuilder::new().mode(0o755).create(&incoming)?;
+        Ok(incoming)
+    }
+
+    /// Gives the finished folder of a slot its name. All its files must have been synced.
+    pub(super) fn finish_incoming(&self, slot: &SlotId) -> io::Result<()> {
+        let incoming = self.slot(INCOMING);
+        File::open(&incoming)?.sync_all()?;
+        fs::rename(&incoming, self.slot(slot))?;
+        sync_folder_of(&self.slot(slot))
+    }
+
+    /// Removes an unfinished slot.
+    pub(super) fn drop_incoming(&self) -> io::Result<()> {
+        remove_all_if_there(&self.slot(INCOMING))
+    }
+
+    /// What a slot's file says of it.
+    pub(super) fn facts(&self, slot: &str) -> io::Result<SlotFacts> {
+        let text = fs::read(self.slot(slot).join("slot.json"))?;
+        serde_json::from_slice(&text).map_err(io::Error::from)
+    }
+
+    /// Why a release was taken back last. `None` if none was since the last one that proved itself.
+    pub(super) fn failure(&self) -> Option<Failure> {
+        serde_json::from_slice(&fs::read(self.failure_path()).ok()?).ok()
+    }
+
+    /// Notes why a slot is taken back; the first reason counts.
+    pub(super) fn set_failure(&self, slot: &str, why: &str) -> io::Result<()> {
+        if self.failure().is_some_and(|it| it.slot == slot) {
+            return Ok(());
+        }
+        let (slot, why) = (slot.to_owned(), why.to_owned());
+        let json = serde_json::to_vec(&Failure { slot, why })?;
+        replace(&self.failure_path(), &json)
+    }
+
+    /// Forgets the last failure.
+    pub(super) fn clear_failure(&self) -> io::Result<()> {
+        remove_if_there(&self.failure_path())
+    }
+
+    /// Locks the slots against a second operator, or a second trial. `None` if another process has the lock.
+    pub(super) fn try_lock(&self, name: &str) -> io::Result<Option<File>> {
+        let mut options = OpenOptions::new();
+        let path = self.home().join(name);
+        let file = options
+            .create(true)
+            .write(true)
+            .truncate(false)
+            .open(path)?;
+        match file.try_lock() {
+            Ok(()) => Ok(Some(file)),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(error)) => Err(error),
+        }
+    }
+
+    /// Copies a slot's unit to systemd's folder, or removes it there. Returns whether that changed anything.
+    pub(super) fn set_unit(&self, name: &str, slot: Option<&str>) -> io::Result<bool> {
+        let unit = self.unit(name);
+        let is = fs::read(&unit).ok();
+        let Some(slot) = slot else {
+            remove_if_there(&unit)?;
+            return Ok(is.is_some());
+        };
+        let should = fs::read(self.slot(slot).join(name))?;
+        if is.as_ref() == Some(&should) {
+            return Ok(false);
+        }
+        replace(&unit, &should)?;
+        Ok(true)
+    }
+}
+
+fn remove_if_there(path: &Path) -> io::Result<()> {
+    if_there(fs::remove_file(path))
+}
+
+fn remove_all_if_there(path: &Path) -> io::Result<()> {
+    if_there(fs::remove_dir_all(path))
+}
+
+fn if_there(removed: io::Result<()>) -> io::Result<()> {
+    match removed {
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(()),
+        removed => removed,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn disk() -> (tempfile::TempDir, Disk) {
+        let folder = tempfile::tempdir().unwrap();
+        let disk = Disk::at(folder.path());
+        disk.create().unwrap();
+        (folder, disk)
+    }
+
+    fn install(disk: &Disk, slot: &str) {
+        let incoming = disk.new_incoming().unwrap();
+        fs::write(incoming.join("musterd"), slot).unwrap();
+        disk.finish_incoming(&slot.to_owned()).unwrap();
+    }
+
+    fn running(disk: &Disk) -> String {
+        fs::read_to_string(disk.link(Link::Current).join("musterd")).unwrap()
+    }
+
+    #[test]
+    fn links_lead_to_the_slot_that_runs() {
+        let (_folder, disk) = disk();
+        assert_eq!(disk.slots().unwrap(), Slots::default());
+        install(&disk, "a");
+        disk.reach(&Goal::Try("a".to_owned())).unwrap();
+        assert!(disk.slots().unwrap().is_on_trial());
+        disk.reach(&Goal::Keep).unwrap();
+        install(&disk, "b");
+        disk.reach(&Goal::Try("b".to_owned())).unwrap();
+        assert_eq!(running(&disk), "b");
+        disk.reach(&Goal::Settle).unwrap();
+        assert_eq!(running(&disk), "a");
+        assert!(!disk.slot("b").exists());
+    }
+
+    #[test]
+    fn unfinished_slot_is_none_and_makes_room_for_the_next() {
+        let (_folder, disk) = disk();
+        let incoming = disk.new_incoming().unwrap();
+        fs::write(incoming.join("musterd"), "half").unwrap();
+        assert_eq!(disk.slots().unwrap(), Slots::default());
+        install(&disk, "a");
+        assert_eq!(disk.slots().unwrap().complete.len(), 1);
+    }
+
+    #[test]
+    fn first_reason_of_a_failure_is_kept() {
+        let (_folder, disk) = disk();
+        disk.set_failure("a", "it crashed").unwrap();
+        disk.set_failure("a", "the trial ended").unwrap();
+        assert_eq!(disk.failure().unwrap().why, "it crashed");
+        disk.set_failure("b", "unhealthy").unwrap();
+        assert_eq!(disk.failure().unwrap().slot, "b");
+        disk.clear_failure().unwrap();
+        assert_eq!(disk.failure(), None);
+    }
+
+    #[test]
+    fn second_operator_is_locked_out_until_the_first_is_gone() {
+        let (_folder, disk) = disk();
+        let first = disk.try_lock("lock").unwrap();
+        assert!(first.is_some());
+        assert!(disk.try_lock("lock").unwrap().is_none());
+        drop(first);
+        assert!(disk.try_lock("lock").unwrap().is_some());
+    }
+}

@@ -1,0 +1,77 @@
+//! A campaign on several hosts.
+
+use std::path::{Path, PathBuf};
+
+use muster_deploy::campaign::{SpreadError, SpreadRequest, spread};
+use muster_deploy::hosts;
+use muster_runtime::plan::file::Source;
+use muster_scenarios::campaign::{self, Campaign};
+use muster_scenarios::scenario::{is_shipped, mission_file, mission_path};
+
+use super::super::{Failure, Outcome, folder, terminal};
+use super::{Arguments, outcome, print};
+
+impl From<SpreadError> for Failure {
+    fn from(error: SpreadError) -> Self {
+        match error {
+            SpreadError::Refused(input) => input.into(),
+            error => Self::Spread(error),
+        }
+    }
+}
+
+/// Runs the shards on the hosts of a file, and joins them.
+pub(super) fn run(
+    arguments: &Arguments,
+    campaign: &Campaign,
+    (file, out): (&Path, &Path),
+) -> Result<Outcome, Failure> {
+    let hosts = hosts::commands(file)?;
+    folder::check_writable(out)?;
+    let program = std::env::current_exe().map_err(Failure::Print)?;
+    let said = |words: &str| {
+        let _ = std::io::Write::write_all(&mut std::io::stderr(), format!("{words}\n").as_bytes());
+    };
+    let parts = spread(
+        &SpreadRequest {
+            hosts: &hosts,
+            program: &program,
+            files: &files(&arguments.scenario)?,
+            arguments: &words(arguments),
+            runs: campaign.shard_runs(),
+            folder: &out.join("parts"),
+        },
+        &said,
+    )?;
+    let whole = out.join("whole");
+    let published = campaign::merge(&parts, &whole)?;
+    print(&published)?;
+    let runs = campaign.shard_runs();
+    terminal::print(&format!(" {runs} runs on {} hosts\n", hosts.len()))?;
+    Ok(outcome(&published))
+}
+
+/// The scenario's file and its mission's. None for a shipped scenario, which every muster has.
+fn files(scenario: &Path) -> Result<Vec<PathBuf>, Failure> {
+    if !scenario.is_file() && is_shipped(scenario) {
+        return Ok(Vec::new());
+    }
+    let text = muster_runtime::diagnostic::read_text(scenario)?;
+    let named = mission_file(&Source::new(scenario, text))?;
+    let mission = mission_path(&named)?.into_owned();
+    Ok(vec![scenario.to_owned(), mission])
+}
+
+/// The arguments that say what is run.
+fn words(arguments: &Arguments) -> Vec<String> {
+    let mut words = vec![arguments.scenario.display().to_string()];
+    words.extend(["--seeds".to_owned(), arguments.seeds.to_string()]);
+    for vary in &arguments.vary {
+        words.extend(["--vary".to_owned(), vary.to_string()]);
+    }
+    for set in &arguments.overrides {
+        words.extend(["--set".to_owned(), set.to_string()]);
+    }
+    words.extend(["--run-limit".to_owned(), arguments.run_limit.to_string()]);
+    words
+}

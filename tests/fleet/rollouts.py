@@ -1,0 +1,433 @@
+"""Rollouts to five hosts with systemd and sshd: `rollouts.py MUSTER MUSTERD IMAGE [--short]`."""
+
+import json
+import os
+import pathlib
+import random
+import shutil
+import sys
+import tempfile
+import time
+
+from lab import Lab, end, run, wait_until
+
+GATE = {"within_s": 20, "hold_s": 8}
+# From the failure of a gate until the host is healthy with the release before.
+BACK_MAX_S = 30.0
+
+FLEET = """group = "239.78.0.1:4700"
+scenario = "swarm-short"
+keys = "keys"
+flight = {flight}
+
+[gate]
+within_s = {within_s}
+hold_s = {hold_s}
+
+{hosts}
+
+[[waves]]
+hosts = ["pi0"]
+soak_s = {soak_s}
+
+[[waves]]
+hosts = ["pi1", "pi2"]
+soak_s = {soak_s}
+
+[[waves]]
+hosts = ["pi3", "pi4"]
+at_once = 1
+soak_s = {soak_s}
+"""
+
+HOST = """[[hosts]]
+name = "{name}"
+run = ["ssh", "-F", "{config}", "{name}{suffix}"]
+drones = [{number}]
+"""
+
+# What a broken release's musterd does when a service starts it. The rest is a good musterd's.
+BROKEN = {
+    "crashes-at-start": "exit 1",
+    "never-proves-itself": 'sed "s/239.78.0.1:4700/239.78.0.99:4799/" /opt/muster/current/config/drone-*.toml '
+    '> /var/lib/muster/own.toml; cp /opt/muster/current/config/* /var/lib/muster/; '
+    'set -- --config /var/lib/muster/own.toml',
+    "fills-the-disk": "cat /dev/zero > /var/lib/muster/full; sleep 1",
+    "hangs-after-5-s": "(sleep 5; kill -STOP $$) &",
+    "dies-after-5-s": "(sleep 5; kill -KILL $$) &",
+    "hangs-in-the-soak": "(sleep 14; kill -STOP $$) &",
+}
+
+
+class Bench:
+    def __init__(self, lab, muster, musterd):
+        self.lab, self.muster, self.musterd = lab, muster, musterd
+        self.folder = lab.folder
+        self.releases = {}
+        run(muster, "keys", "fleet", str(self.folder / "keys"))
+        run(muster, "keys", "drone", str(self.folder / "keys"), *"01234")
+        self.write_fleet()
+        self.package("0.1.1")
+
+    @property
+    def hosts(self):
+        return self.lab.hosts
+
+    def write_fleet(self, flight=1, soak_s=1, suffix=""):
+        config = self.folder / "ssh_config"
+        hosts = "\n".join(HOST.format(name=it.name, number=it.number, config=config, suffix=suffix) for it in self.hosts)
+        text = FLEET.format(hosts=hosts, flight=flight, soak_s=soak_s, **GATE)
+        (self.folder / "fleet.toml").write_text(text)
+
+    def package(self, version, broken=None):
+        """A release; a broken one behaves until a service starts it."""
+        programs = self.folder / f"programs-{version}" / "x86_64"
+        programs.mkdir(parents=True)
+        (programs / "muster").write_text("#!/bin/sh\n")
+        if broken is None:
+            shutil.copy(self.musterd, programs / "musterd")
+        else:
+            script = f'#!/bin/sh\ncase "$1" in --config) {BROKEN[broken]};; esac\nexec /opt/good-musterd "$@"\n'
+            (programs / "musterd").write_text(script)
+        run(
+            self.muster, "deploy", "package", "--programs", str(programs.parent), "--keys", str(self.folder / "keys"),
+            "--release-version", version, "--out", str(self.folder),
+        )
+        shutil.rmtree(programs.parent)
+        self.releases[version] = str(self.folder / f"muster-{version}.tar.gz")
+
+    def words(self, command, version=None, *more):
+        words = [self.muster, "deploy", command, str(self.folder / "fleet.toml"), *more]
+        return words + (["--release", self.releases[version]] if version else [])
+
+    def apply(self, version, *more):
+        """Applies a release. Returns the exit code, and the report."""
+        done = self.lab.on_operator(*self.words("apply", version, "--json", *more), check=False)
+        try:
+            return done.returncode, json.loads(done.stdout), done.stderr
+        except json.JSONDecodeError:
+            raise AssertionError(f"no report: {done.returncode} {done.stdout} {done.stderr}") from None
+
+    def status(self):
+        done = self.lab.on_operator(*self.words("status"), "--json", check=False)
+        return {it["name"]: it.get("facts") for it in json.loads(done.stdout)["hosts"]}
+
+    def is_well(self, host):
+        facts = self.status()[host.name]
+        healths = [it["health"] for it in facts["drones"].values()] if facts else []
+        return bool(healths) and all("Healthy" in it for it in healths) and not facts["is_on_trial"]
+
+    def assert_all_run(self, version):
+        status = self.status()
+        for name, facts in status.items():
+            assert facts and facts["current"]["version"] == version, (name, facts)
+            assert not facts["is_on_trial"] and facts["good"].startswith(version), facts
+            for drone in facts["drones"].values():
+                assert "Healthy" in drone["health"], (name, facts)
+
+    def assert_no_half_slots(self):
+        """No host is without a working slot, and no file is half-written."""
+        for host in self.hosts:
+            current = host.slot("current")
+            assert current and current == host.slot("good"), (host.name, current, host.slot("good"))
+            for slot in (host.root / "opt/muster/slots").iterdir():
+                if not slot.name.startswith("."):
+                    assert (slot / "slot.json").stat().st_size > 0, slot
+                    assert (slot / "musterd").stat().st_size > 0, slot
+
+
+def outcomes(report):
+    return [it["outcome"] for it in report["hosts"]]
+
+
+def show(what, start=None, **figures):
+    took = "" if start is None else f" in {time.monotonic() - start:.1f} s"
+    print(f"{what}{took}", *(f"{key}={value}" for key, value in figures.items()), flush=True)
+
+
+def first_rollout(bench):
+    planned = json.loads(bench.lab.on_operator(*bench.words("plan", "0.1.1"), "--json").stdout)
+    assert {it["work"]["kind"] for it in planned["hosts"]} == {"install"}, planned
+    start = time.monotonic()
+    code, report, errors = bench.apply("0.1.1")
+    assert code == 0 and set(outcomes(report)) == {"changed"}, (report, errors)
+    bench.assert_all_run("0.1.1")
+    proven = [len(it["drones"][str(n)]["health"]["Healthy"]["proven"]) for n, it in enumerate(bench.status().values())]
+    assert proven[4] == 4, proven
+    show("first rollout to five hosts", start)
+
+
+def unchanged(bench):
+    start = time.monotonic()
+    code, report, errors = bench.apply("0.1.1")
+    assert code == 0 and set(outcomes(report)) == {"unchanged"}, (report, errors)
+    show("apply of an unchanged release", start)
+    start = time.monotonic()
+    bench.status()
+    show("status", start)
+
+
+def upgrade(bench):
+    bench.package("0.1.2")
+    start = time.monotonic()
+    code, report, errors = bench.apply("0.1.2")
+    assert code == 0 and set(outcomes(report)) == {"changed"}, (report, errors)
+    bench.assert_all_run("0.1.2")
+    show("upgrade of five hosts", start)
+
+
+def rollback(bench):
+    start = time.monotonic()
+    bench.lab.on_operator(*bench.words("rollback"))
+    wait_until("all run the release before", lambda: all(bench.is_well(it) for it in bench.hosts))
+    bench.assert_all_run("0.1.1")
+    show("rollback of five hosts", start)
+    code, report, errors = bench.apply("0.1.2")
+    assert code == 0, (report, errors)
+
+
+def broken_releases(bench, kinds):
+    for number, kind in enumerate(kinds):
+        version = f"0.2.{number}"
+        bench.package(version, kind)
+        start = time.monotonic()
+        code, report, errors = bench.apply(version)
+        took, ended = time.monotonic() - start, time.time()
+        assert code == 1 and report["stopped"], (kind, report, errors)
+        assert outcomes(report) == ["went_back"] + ["not_reached"] * 4, (kind, report, errors)
+        # The host notes why it goes back, and the report comes once it is healthy again.
+        back_s = ended - (bench.hosts[0].root / "opt/muster/last-failure.json").stat().st_mtime
+        assert 0 < back_s <= BACK_MAX_S, (kind, errors)
+        assert bench.is_well(bench.hosts[0]), kind
+        bench.assert_all_run("0.1.2")
+        bench.assert_no_half_slots()
+        show(f"{kind}: stopped at the canary", took=f"{took:.1f}s", back=f"{back_s:.1f}s", why=report["stopped"])
+        (bench.hosts[0].root / "var/lib/muster/full").unlink(missing_ok=True)
+
+
+def ill_while_it_soaks(bench):
+    """A release that proves itself to its host and gets ill later: the wave is taken back by the operator's machine."""
+    bench.package("0.2.9", "hangs-in-the-soak")
+    bench.write_fleet(soak_s=20)
+    code, report, errors = bench.apply("0.2.9")
+    assert code == 1 and outcomes(report) == ["taken_back"] + ["not_reached"] * 4, (report, errors)
+    bench.assert_all_run("0.1.2")
+    took_s = report["hosts"][0]["took_s"]
+    assert took_s <= BACK_MAX_S, took_s
+    show("hangs in the soak: the wave is taken back", back=f"{took_s:.1f}s", why=report["stopped"])
+    bench.write_fleet()
+
+
+def broken_signature(bench):
+    path = pathlib.Path(bench.releases["0.1.1"])
+    altered = bytearray(path.read_bytes())
+    altered[len(altered) // 2] ^= 1
+    bench.releases["altered"] = str(bench.folder / "altered.tar.gz")
+    pathlib.Path(bench.releases["altered"]).write_bytes(altered)
+    done = bench.lab.on_operator(*bench.words("apply", "altered"), check=False)
+    assert done.returncode == 2, done
+    bench.assert_all_run("0.1.2")
+    show("altered archive: refused", code=done.returncode)
+
+
+def operator_cut_off(bench):
+    """The operator's machine is gone right after the switch to a release that fails."""
+    host = bench.hosts[0]
+    good = host.slot("good")
+    version = "0.3.0"
+    bench.package(version, "dies-after-5-s")
+    apply = bench.lab.start_on_operator(*bench.words("apply", version))
+    wait_until("the switch", lambda: (host.slot("current") or "").startswith(version))
+    run("ip", "-n", "fleet-sw", "link", "set", "op", "down")
+    end(apply)
+    took = wait_until("the host went back by itself", lambda: host.slot("current") == good, BACK_MAX_S)
+    run("ip", "-n", "fleet-sw", "link", "set", "op", "up")
+    wait_until("it is healthy", lambda: bench.is_well(host), BACK_MAX_S)
+    failure = bench.status()[host.name]["failure"]
+    show("operator cut off after the switch: the host went back", back=f"{took:.1f}s", why=failure["why"])
+
+
+def second_operator(bench):
+    bench.package("0.4.0")
+    first = bench.lab.start_on_operator(*bench.words("apply", "0.4.0"))
+    wait_until("the switch", lambda: (bench.hosts[0].slot("current") or "").startswith("0.4.0"))
+    code, report, errors = bench.apply("0.1.1")
+    first.communicate()
+    assert first.returncode == 0, errors
+    blocked = [it["remark"] or "" for it in report["hosts"]]
+    # Either it is refused by name, or it waited for the first to end; never both at once.
+    assert code == 1 and any("locked by" in it for it in blocked) or set(outcomes(report)) == {"changed"}, report
+    code, report, errors = bench.apply("0.1.2")
+    assert code == 0, (report, errors)
+    bench.assert_all_run("0.1.2")
+    show("second operator: locked out", code=code)
+
+
+def interrupted(bench, kills, cuts, seed):
+    """`apply` is killed, or a host loses its power, at random moments. The next `apply` ends in the wanted state."""
+    chance = random.Random(seed)
+    for nth in range(kills + cuts):
+        version = "0.1.1" if nth % 2 == 0 else "0.1.2"
+        apply = bench.lab.start_on_operator(*bench.words("apply", version))
+        after_s = chance.uniform(0.1, 12.0)
+        time.sleep(after_s)
+        if nth < kills:
+            end(apply)
+            what = "apply killed"
+        else:
+            host = chance.choice(bench.hosts)
+            host.cut_power()
+            what = f"power of {host.name} cut"
+            apply.communicate(timeout=300)
+            wait_until(f"{host.name} is up", host.is_up)
+        for host in bench.hosts:
+            assert host.slot("good"), f"{host.name} has no working slot"
+        start = time.monotonic()
+        code, report, errors = bench.apply(version)
+        assert code == 0, (what, after_s, report, errors)
+        bench.assert_all_run(version)
+        bench.assert_no_half_slots()
+        show(f"{what} after {after_s:.1f} s; the next apply ends well", start)
+    code, report, errors = bench.apply("0.1.2")
+    assert code == 0, (report, errors)
+
+
+def power_cut_on_trial(bench):
+    """A host restarts before its release has proven itself: it goes back at boot."""
+    host = bench.hosts[0]
+    good = host.slot("good")
+    apply = bench.lab.start_on_operator(*bench.words("apply", "0.1.1"))
+    wait_until("the switch", lambda: host.slot("current") != good)
+    end(apply)
+    host.cut_power()
+    took = wait_until("it goes back at boot", lambda: host.slot("current") == good and host.is_up())
+    wait_until("it is healthy", lambda: bench.is_well(host))
+    show("power cut on trial: back at boot", after=f"{took:.1f}s", why=bench.status()[host.name]["failure"]["why"])
+
+
+def flying(bench):
+    """An upgrade that is asked for while the swarm flies is deferred, and done after the landing."""
+    bench.write_fleet(flight=2)
+    code, report, errors = bench.apply("0.1.2")
+    assert code == 0, (report, errors)
+    master = bench.hosts[2]
+    master.ssh("systemctl", "kill", "--signal=KILL", "musterd@2")
+    master.ssh("systemctl", "stop", "musterd@2")
+    fly = "/opt/muster/current/musterd --config /opt/muster/current/config/drone-2.toml --fly"
+    master.ssh("rm", "-rf", "/var/lib/muster/journal-2/flight-2")
+    master.ssh("systemd-run", "--quiet", "--unit=fly", "--uid=muster", *fly.split())
+    wait_until("the swarm flies", lambda: all(it["drones"][str(n)]["in_flight"] for n, it in enumerate(bench.status().values())), 30)
+    code, report, errors = bench.apply("0.1.1")
+    assert code == 1 and set(outcomes(report)) == {"deferred"}, (report, errors)
+    wait_until("all have landed", lambda: not any(d["in_flight"] for it in bench.status().values() for d in it["drones"].values()), 120)
+    bench.write_fleet(flight=3)
+    start = time.monotonic()
+    code, report, errors = bench.apply("0.1.1")
+    assert code == 0 and set(outcomes(report)) == {"changed"}, (report, errors)
+    bench.assert_all_run("0.1.1")
+    show("upgrade asked for in flight: deferred, then done after the landing", start)
+    code, report, errors = bench.apply("0.1.2")
+    assert code == 0, (report, errors)
+
+
+def secrets(bench):
+    """No secret is in an archive, a log, or a file that others can read."""
+    digits = [it.read_text().split()[-1] for it in (bench.folder / "keys").glob("*.key")]
+    assert len(digits) == 6
+    for host in bench.hosts:
+        log = host.ssh("journalctl", "--no-pager").stdout
+        assert not any(it in log for it in digits), host.name
+        for slot in (host.root / "opt/muster/slots").iterdir():
+            for path in slot.rglob("*"):
+                if path.is_file() and any(it.encode() in path.read_bytes() for it in digits):
+                    assert path.stat().st_mode & 0o077 == 0, path
+    for archive in bench.folder.glob("*.tar.gz"):
+        text = run("sh", "-c", f"zcat {archive} | grep -acE '{'|'.join(digits)}' || true").stdout
+        assert text.strip() in ["0", ""], archive
+    show("no secret in archives, logs, or files of others")
+
+
+def audit(bench):
+    """A stock host has findings; `--fix` leaves none, and locks nobody out."""
+    bench.write_fleet(suffix="-user")
+    fleet = str(bench.folder / "fleet.toml")
+
+    def findings(*more):
+        done = bench.lab.on_operator(bench.muster, "deploy", "audit", fleet, "--json", *more, check=False)
+        hosts = json.loads(done.stdout)["hosts"]
+        return {it["name"]: it.get("error") or {found["rule"] for found in it["findings"]} for it in hosts}
+
+    before = findings()
+    stock = {"ssh-keys-only", "ssh-no-root", "ssh-banner", "ssh-log", "no-passwords", "firewall"}
+    assert all(it == stock for it in before.values()), before
+    # One host is off the network as soon as its settings are changed.
+    lost = bench.hosts[4]
+    settings = lambda host: host.root / "etc/ssh/sshd_config.d/00-muster.conf"
+    fixing = bench.lab.start_on_operator(bench.muster, "deploy", "audit", fleet, "--json", "--fix")
+    wait_until("settings of the lost host", lambda: settings(lost).exists())
+    lost.unplug()
+    output, _ = fixing.communicate(timeout=180)
+    after = {it["name"]: it.get("findings", it.get("error")) for it in json.loads(output)["hosts"]}
+    assert all(after[host.name] == [] for host in bench.hosts[:4]), after
+    assert after[lost.name], after
+    took = wait_until("the lost host's settings are undone", lambda: not settings(lost).exists(), 90)
+    lost.unplug(False)
+    wait_until("its firewall is gone", lambda: "muster" not in lost.ssh("nft", "list", "tables", check=False).stdout, 30)
+    show("settings of a host that was cut off are undone", after=f"{took:.0f}s")
+    times = [settings(host).stat().st_mtime for host in bench.hosts[:4]]
+    assert all(it == set() for it in findings("--fix").values())
+    assert times == [settings(host).stat().st_mtime for host in bench.hosts[:4]], "a second --fix changes nothing"
+    for host in bench.hosts:
+        assert host.ssh("true", check=False).returncode == 255, "root is not let in"
+        assert host.ssh("true", suffix="-user").returncode == 0
+        host.ssh("sudo", "systemctl", "kill", "--signal=KILL", f"musterd@{host.number}", suffix="-user")
+    hears = lambda it: len(next(iter(it["drones"].values()))["health"].get("Healthy", {}).get("proven", []))
+    wait_until("drones hear each other through the firewall", lambda: all(hears(it) == 4 for it in bench.status().values()))
+    unit = bench.hosts[0].ssh("sudo", "systemd-analyze", "security", "--no-pager", "musterd@0", suffix="-user")
+    exposure = unit.stdout.rsplit(":", 1)[-1].split()[0]
+    assert float(exposure) <= 2.0, exposure
+    show("audit: from findings to none, ssh works, drones hear each other", findings=len(stock), exposure=exposure)
+
+
+def main():
+    muster, musterd, image = (os.path.realpath(it) for it in sys.argv[1:4])
+    is_short = "--short" in sys.argv
+    kills, cuts = (2, 1) if is_short else (50, 20)
+    for argument in sys.argv:
+        if argument.startswith("--interruptions="):
+            kills, cuts = (int(it) for it in argument.split("=")[1].split("+"))
+    only = [it.split("=")[1] for it in sys.argv if it.startswith("--only=")]
+    seed = int(os.environ.get("MUSTER_SEED", "1"))
+    with tempfile.TemporaryDirectory(prefix="fleet-") as folder, Lab(folder, image) as lab:
+        shown = pathlib.Path(os.environ["KEEP_LOGS"]) if "KEEP_LOGS" in os.environ else None
+        try:
+            bench = Bench(lab, muster, musterd)
+            for host in bench.hosts:
+                shutil.copy(musterd, host.root / "opt/good-musterd")
+            first_rollout(bench)
+            unchanged(bench)
+            upgrade(bench)
+            steps = {
+                "rollback": lambda: rollback(bench),
+                "broken": lambda: broken_releases(bench, ["crashes-at-start"] if is_short else list(BROKEN)[:-1]),
+                "soak": lambda: ill_while_it_soaks(bench),
+                "signature": lambda: broken_signature(bench),
+                "cut-off": lambda: operator_cut_off(bench),
+                "trial": lambda: power_cut_on_trial(bench),
+                "second": lambda: second_operator(bench),
+                "flying": lambda: flying(bench),
+                "interrupted": lambda: interrupted(bench, kills, cuts, seed),
+                "secrets": lambda: secrets(bench),
+                "audit": lambda: audit(bench),
+            }
+            for name, step in steps.items():
+                if not only or name in only:
+                    step()
+        finally:
+            if shown:
+                for host in lab.hosts:
+                    log = host.ssh("journalctl", "--no-pager", check=False)
+                    (shown / f"{host.name}.log").write_text(log.stdout)
+
+
+main()
