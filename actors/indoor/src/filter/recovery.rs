@@ -2,9 +2,6 @@
 
 use super::config::Config;
 
-/// In an unknown place, this share of readings fits by chance.
-const FIT_BY_CHANCE: f64 = 0.5;
-
 /// A slow and a fast average of how well the readings fit.
 ///
 /// Source: augmented MCL; S. Thrun, W. Burgard, D. Fox, *Probabilistic Robotics*, 2005, table 8.3. Deviation: the fit is that of
@@ -25,10 +22,11 @@ impl Recovery {
         ));
     }
 
-    /// The share of particles that are to be drawn from anywhere.
-    pub(super) fn elsewhere(&self) -> f64 {
+    /// The share of particles that are to be drawn from anywhere; none while the readings fit as they did, or better than
+    /// `fit_found`.
+    pub(super) fn elsewhere(&self, fit_found: f64) -> f64 {
         let (slow, fast) = self.averages.unwrap_or((1.0, 1.0));
-        (1.0 - fast / slow.max(FIT_BY_CHANCE)).max(0.0)
+        (1.0 - fast / slow.max(fit_found)).max(0.0)
     }
 
     /// The last fit.
