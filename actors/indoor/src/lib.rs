@@ -7,3 +7,4 @@ pub mod log;
 pub mod map;
 pub mod reading;
 pub mod refusal;
+pub mod sensor;
