@@ -37,7 +37,7 @@ pub fn table(track: &Track, colour: Colour) -> String {
     table.set_header(heading);
     let every = track.scans.len().div_ceil(ROWS_MAX).max(1);
     let last = track.scans.len().saturating_sub(1);
-    let shown = |scan: &&Located| scan.scan % every == 0 || scan.scan == last;
+    let shown = |scan: &&Located| scan.scan.is_multiple_of(every) || scan.scan == last;
     for scan in track.scans.iter().filter(shown) {
         table.add_row(row(scan).map(|text| Cell::new(text).set_alignment(CellAlignment::Right)));
     }

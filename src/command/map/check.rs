@@ -43,7 +43,10 @@ fn describe(file: &Path) -> Result<String, BadInput> {
         let cells = map.cells().filter(|cell| map.state(*cell) == state).count();
         100.0 * cells as f64 / (map.columns() * map.rows()) as f64
     };
-    let free = map.cells().filter(|cell| map.state(*cell) == State::Free).count();
+    let free = map
+        .cells()
+        .filter(|cell| map.state(*cell) == State::Free)
+        .count();
     let kept_out = map.cells().filter(|cell| map.is_kept_out(*cell)).count();
     let mut text = format!(
         "OK: {} × {} m, {} × {} cells of {} cm, {} m² free; {} % occupied, {} % unknown",
@@ -57,7 +60,10 @@ fn describe(file: &Path) -> Result<String, BadInput> {
         figure(share(State::Unknown), 1),
     );
     if kept_out > 0 {
-        text.push_str(&format!("; {} m² not to be entered", figure(area_m2(kept_out), 1)));
+        text.push_str(&format!(
+            "; {} m² not to be entered",
+            figure(area_m2(kept_out), 1)
+        ));
     }
     if free == 0 {
         text.push_str("; no drone can be anywhere: look at `negate` and the thresholds");

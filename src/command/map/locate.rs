@@ -129,7 +129,10 @@ fn numbers<const N: usize>(text: &str) -> Result<[f64; N], String> {
     let accepted = || format!("{N} numbers between commas are accepted");
     let number = |word: &str| word.trim().parse().ok().filter(|it: &f64| it.is_finite());
     let numbers: Option<Vec<f64>> = text.split(',').map(number).collect();
-    numbers.ok_or_else(accepted)?.try_into().map_err(|_| accepted())
+    numbers
+        .ok_or_else(accepted)?
+        .try_into()
+        .map_err(|_| accepted())
 }
 
 fn print(track: &Track, written: &[PathBuf]) -> io::Result<()> {

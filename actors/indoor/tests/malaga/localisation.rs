@@ -104,7 +104,7 @@ fn pose_is_found_anywhere_on_the_floor() {
         Run::over(&malaga, &mut filter, 0..malaga.log.len()).is_at_end()
     });
     let found = found.count();
-    println!("found {found} of {SEEDS}");
+    println!("floor: found {found} of {SEEDS}");
     assert!(found >= 16);
 }
 
@@ -132,7 +132,7 @@ fn a_robot_that_was_carried_away_is_found_within_15_scans() {
         after.estimates[..15].iter().any(is_found) && is_found(&after.estimates[17])
     });
     let found = found.count();
-    println!("found {found} of {SEEDS}");
+    println!("carried: found {found} of {SEEDS}");
     assert!(found >= 18);
 }
 
