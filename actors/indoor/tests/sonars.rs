@@ -1,5 +1,7 @@
 //! Localisation with five sonars and nothing else, in a flat.
 
+#![allow(clippy::print_stdout, reason = "figures are printed on demand")]
+
 use std::f64::consts::PI;
 use std::sync::Arc;
 use std::time::Duration;
