@@ -10,6 +10,7 @@ mod fc;
 mod folder;
 mod keys;
 mod list;
+mod map;
 mod new;
 mod overrides;
 mod recordings;
@@ -69,6 +70,7 @@ enum Command {
     Keys(keys::Arguments),
     Drone(drone::Arguments),
     Fc(fc::Arguments),
+    Map(map::Arguments),
     Schema(schema::Arguments),
     Completions(completions::Arguments),
 }
@@ -169,6 +171,7 @@ pub(crate) fn run() -> ExitCode {
         Command::Keys(arguments) => keys::run(&arguments),
         Command::Drone(arguments) => drone::run(&arguments),
         Command::Fc(arguments) => fc::run(&arguments),
+        Command::Map(arguments) => map::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };

@@ -76,7 +76,7 @@ fn shared(fleet: &Fleet) -> Result<BTreeMap<String, Vec<u8>>, BadInput> {
         let text = read_text(&fleet.keys.join(name))?;
         files.insert(format!("config/{name}"), text.into_bytes());
     }
-    for (name, text) in scenario::side_by_side(&fleet.scenario_path)? {
+    for (name, text) in scenario::side_by_side(&fleet.scenario_path, &[])? {
         files.insert(format!("config/{name}"), text.into_bytes());
     }
     Ok(files)
@@ -89,7 +89,7 @@ fn add_drone(
     host: &FleetHost,
     (id, network): (NodeId, Network),
 ) -> Result<(), BadInput> {
-    let [(scenario, _), _] = scenario::side_by_side(&fleet.scenario_path)?;
+    let [(scenario, _), _] = scenario::side_by_side(&fleet.scenario_path, &[])?;
     let (key, grant) = (format!("drone-{id}.key"), format!("drone-{id}.grant"));
     let mut put = |name: &str| -> Result<(), BadInput> {
         let path = fleet.keys.join(name);

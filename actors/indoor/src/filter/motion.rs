@@ -1,0 +1,195 @@
+//! How particles move.
+
+use std::time::Duration;
+
+use super::config::Config;
+use super::fast::sin_cos;
+use super::noise::Noise;
+use super::particles::Particles;
+use crate::frames::{Motion, wrapped_rad};
+
+/// What is known of the drone's motion since the last step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Moved {
+    /// The odometry's.
+    Odometry(Motion),
+    /// Nothing but the time that passed: a random walk.
+    Unknown(Duration),
+}
+
+/// Shorter motions have no direction, metres; AMCL's.
+const STANDSTILL_M: f64 = 0.01;
+
+/// Moves each particle with its own noise.
+///
+/// Source: S. Thrun, W. Burgard, D. Fox, *Probabilistic Robotics*, 2005, table 5.6; going backwards is no half turn, as in AMCL.
+pub(super) fn advance(
+    particles: &mut Particles,
+    moved: Moved,
+    config: &Config,
+    metres_per_cell: f64,
+    noise: &mut Noise,
+) {
+    match moved {
+        Moved::Odometry(motion) => odometry(particles, motion, config, metres_per_cell, noise),
+        Moved::Unknown(time) => {
+            let walk = libm::sqrt(config.walk_m2 * time.as_secs_f64()) / metres_per_cell;
+            let turn = libm::sqrt(config.walk_rad2 * time.as_secs_f64());
+            jitter(particles, walk as f32, turn as f32, noise);
+        }
+    }
+    particles.turn();
+}
+
+/// Adds normal noise: cells and radians.
+pub(super) fn jitter(particles: &mut Particles, walk: f32, turn: f32, noise: &mut Noise) {
+    let poses = particles.x.iter_mut().zip(&mut particles.y);
+    for ((x, y), heading) in poses.zip(&mut particles.heading) {
+        *x += walk * noise.normal();
+        *y += walk * noise.normal();
+        *heading += turn * noise.normal();
+    }
+}
+
+fn odometry(
+    particles: &mut Particles,
+    motion: Motion,
+    config: &Config,
+    metres_per_cell: f64,
+    noise: &mut Noise,
+) {
+    let way_m = libm::hypot(motion.forward_m, motion.left_m);
+    let first = if way_m < STANDSTILL_M {
+        0.0
+    } else {
+        libm::atan2(motion.left_m, motion.forward_m)
+    };
+    let second = wrapped_rad(motion.turn_rad - first);
+    let amount = |turn: f64| {
+        let back = wrapped_rad(turn - std::f64::consts::PI).abs();
+        turn.abs().min(back)
+    };
+    let deviation = |of_turn: f64, of_way: f64, turns: f64| {
+        libm::sqrt(of_turn * turns + of_way * way_m * way_m) as f32
+    };
+    let (squared_first, squared_second) = (
+        amount(first) * amount(first),
+        amount(second) * amount(second),
+    );
+    let first_noise = deviation(config.alpha1, config.alpha2, squared_first);
+    let second_noise = deviation(config.alpha1, config.alpha2, squared_second);
+    let way_noise = deviation(config.alpha4, config.alpha3, squared_first + squared_second)
+        / metres_per_cell as f32;
+    let (first, second, way) = (
+        first as f32,
+        second as f32,
+        (way_m / metres_per_cell) as f32,
+    );
+    let poses = particles.x.iter_mut().zip(&mut particles.y);
+    for ((x, y), heading) in poses.zip(&mut particles.heading) {
+        let direction = *heading + first + first_noise * noise.normal();
+        let (sin, cos) = sin_cos(direction);
+        let way = way + way_noise * noise.normal();
+        *x += way * cos;
+        *y += way * sin;
+        *heading = direction + second + second_noise * noise.normal();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+
+    use super::*;
+
+    /// Particles that start at the origin and look along the rows, after a motion; cells of half a metre.
+    fn moved(motion: Motion, config: &Config) -> Particles {
+        let mut particles = Particles::default();
+        (0..4_000).for_each(|_| particles.push(0.0, 0.0, 0.0));
+        let mut noise = Noise::new(ChaCha8Rng::seed_from_u64(1));
+        advance(
+            &mut particles,
+            Moved::Odometry(motion),
+            config,
+            0.5,
+            &mut noise,
+        );
+        particles
+    }
+
+    fn spread(values: &[f32]) -> (f32, f32) {
+        let count = values.len() as f32;
+        let mean = values.iter().sum::<f32>() / count;
+        let variance = values
+            .iter()
+            .map(|it| (it - mean) * (it - mean))
+            .sum::<f32>()
+            / count;
+        (mean, variance.sqrt())
+    }
+
+    fn only(turn: f64, way: f64) -> Config {
+        Config {
+            alpha1: turn,
+            alpha2: 0.0,
+            alpha3: way,
+            alpha4: 0.0,
+            ..Config::default()
+        }
+    }
+
+    fn motion(forward_m: f64, turn_rad: f64) -> Motion {
+        Motion {
+            forward_m,
+            left_m: 0.0,
+            turn_rad,
+        }
+    }
+
+    #[test]
+    fn noise_getters_are_not_swapped() {
+        let turned = moved(motion(2.0, 1.0), &only(0.04, 0.0));
+        let (_, heading) = spread(&turned.heading);
+        assert!((heading - 0.2).abs() < 0.01, "{heading}");
+        let went = moved(motion(2.0, 0.0), &only(0.0, 0.04));
+        let (ahead, way) = spread(&went.x);
+        // 2 m are 4 cells, a deviation of 0.4 m is 0.8.
+        assert!(
+            (ahead - 4.0).abs() < 0.05 && (way - 0.8).abs() < 0.03,
+            "{ahead} {way}"
+        );
+        assert!(spread(&went.heading).1 < 1e-6);
+    }
+
+    #[test]
+    fn angles_are_not_passed_where_distances_belong() {
+        let turned = moved(motion(0.0, 1.0), &only(0.0, 0.0));
+        assert!(turned.x.iter().chain(&turned.y).all(|it| it.abs() < 1e-6));
+        let went = moved(motion(1.0, 0.0), &only(0.0, 0.0));
+        assert!(went.heading.iter().all(|it| it.abs() < 1e-6));
+        assert!(went.x.iter().all(|it| (it - 2.0).abs() < 1e-5));
+    }
+
+    #[test]
+    fn radians_are_not_divided_by_degrees() {
+        let turned = moved(motion(0.0, 1.0), &only(0.0, 0.0));
+        assert!(turned.heading.iter().all(|it| (it - 1.0).abs() < 1e-5));
+        let noisy = moved(motion(0.0, 1.0), &only(0.01, 0.0));
+        assert!((spread(&noisy.heading).1 - 0.1).abs() < 0.005);
+    }
+
+    #[test]
+    fn without_odometry_particles_walk_by_the_root_of_time() {
+        let mut particles = Particles::default();
+        (0..4_000).for_each(|_| particles.push(0.0, 0.0, 0.0));
+        let mut noise = Noise::new(ChaCha8Rng::seed_from_u64(1));
+        let moved = Moved::Unknown(Duration::from_secs(4));
+        let config = Config {
+            walk_m2: 0.25,
+            ..Config::default()
+        };
+        advance(&mut particles, moved, &config, 0.5, &mut noise);
+        assert!((spread(&particles.x).1 - 2.0).abs() < 0.08);
+    }
+}
