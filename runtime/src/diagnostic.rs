@@ -142,7 +142,7 @@ fn printable(text: &str) -> String {
 /// If the file is missing, not a regular file, unreadable, too large, not UTF-8, empty, or has control characters other than
 /// tabs and line ends.
 pub fn read_text(path: &Path) -> Result<String, BadInput> {
-    decode_text(path, read_bytes(path)?)
+    decode_text(path, read_bytes(path, FILE_SIZE_MAX)?)
 }
 
 /// Decodes a file's bytes as [`read_text`] does. Errors name `path`.
@@ -172,7 +172,8 @@ pub fn decode_text(path: &Path, bytes: Vec<u8>) -> Result<String, BadInput> {
     })
 }
 
-fn read_bytes(path: &Path) -> Result<Vec<u8>, BadInput> {
+/// The content of a regular file of at most `size_max` bytes.
+pub(crate) fn read_bytes(path: &Path, size_max: u64) -> Result<Vec<u8>, BadInput> {
     let unreadable = |error: io::Error| match error.kind() {
         io::ErrorKind::NotFound => BadInput::without_excerpt(
             path,
@@ -197,24 +198,24 @@ fn read_bytes(path: &Path) -> Result<Vec<u8>, BadInput> {
         return Err(BadInput::without_excerpt(
             path,
             "this is not a regular file",
-            "give the path of a text file",
+            "give the path of a file on a disk",
         ));
     }
     let too_large = || {
         BadInput::without_excerpt(
             path,
-            format_args!("the file is larger than {FILE_SIZE_MAX} bytes"),
+            format_args!("the file is larger than {size_max} bytes"),
             "check that the path is right",
         )
     };
-    if metadata.len() > FILE_SIZE_MAX {
+    if metadata.len() > size_max {
         return Err(too_large());
     }
     let mut bytes = Vec::new();
     File::open(path)
-        .and_then(|file| file.take(FILE_SIZE_MAX + 1).read_to_end(&mut bytes))
+        .and_then(|file| file.take(size_max + 1).read_to_end(&mut bytes))
         .map_err(unreadable)?;
-    if bytes.len() as u64 > FILE_SIZE_MAX {
+    if bytes.len() as u64 > size_max {
         return Err(too_large());
     }
     Ok(bytes)

@@ -6,6 +6,7 @@ pub mod failure;
 pub mod file;
 pub mod identity;
 pub mod journal;
+pub mod map_file;
 pub mod mission_file;
 pub mod plan;
 pub mod schema;

@@ -1,5 +1,7 @@
-//! A drone in a building that it has a map of: maps, and where the drone is in them. Everything is pure: no clock, no file,
-//! no random source of the host.
+//! A drone in a building that it has a map of: maps, where the drone is in them, how it keeps clear of what is near, and ways.
+//! Everything is pure: no clock, no file, no random source of the host.
 
 pub mod avoidance;
 pub mod frames;
+pub mod map;
+pub mod refusal;

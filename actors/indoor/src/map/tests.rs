@@ -1,0 +1,161 @@
+use std::f64::consts::PI;
+
+use proptest::prelude::*;
+
+use super::*;
+
+const ROOM: &str = "
+########
+#......#
+#..x...#
+#......#
+########";
+
+fn room() -> Map {
+    Map::from_text(ROOM, 0.5).unwrap()
+}
+
+fn header(extra: &str) -> Header {
+    let text = format!(
+        "image: floor.pgm\nresolution: 0.1\norigin: [-1.0, 2.0, 0.5]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.25\n{extra}"
+    );
+    Header::parse(&text).unwrap()
+}
+
+fn states(map: &Map) -> Vec<State> {
+    map.cells().map(|cell| map.state(cell)).collect()
+}
+
+#[test]
+fn first_row_of_an_image_is_the_top_of_the_map() {
+    let map = Map::parse(&header(""), b"P2 2 2 255 0 255 255 128").unwrap();
+    use State::{Free, Occupied, Unknown};
+    assert_eq!(states(&map), [Free, Unknown, Occupied, Free]);
+    assert_eq!((map.columns(), map.rows()), (2, 2));
+}
+
+#[test]
+fn binary_and_text_images_give_the_same_cells() {
+    let text = Map::parse(&header(""), b"P2 # a comment\n3 1 15\n0 7 15").unwrap();
+    let binary = Map::parse(&header(""), b"P5 3 1 255\n\x00\x77\xff").unwrap();
+    let wide = Map::parse(&header(""), b"P5 3 1 65535\n\x00\x00\x77\x77\xff\xff").unwrap();
+    assert_eq!(states(&text), states(&binary));
+    assert_eq!(states(&wide), states(&binary));
+}
+
+#[test]
+fn negate_swaps_black_and_white() {
+    let image = b"P2 3 1 255 0 128 255";
+    let mut negated = header("");
+    negated.negate = true;
+    let mut swapped = states(&Map::parse(&negated, image).unwrap());
+    swapped.reverse();
+    assert_eq!(swapped, states(&Map::parse(&header(""), image).unwrap()));
+}
+
+#[test]
+fn raw_pixels_are_percent() {
+    let map = Map::parse(&header("mode: raw"), b"P2 4 1 255 0 50 100 101").unwrap();
+    use State::{Free, Occupied, Unknown};
+    assert_eq!(states(&map), [Free, Unknown, Occupied, Unknown]);
+}
+
+#[test]
+fn transparent_pixels_are_unknown_in_scale_mode_only() {
+    let mut image = Vec::new();
+    let mut encoder = png::Encoder::new(&mut image, 2, 1);
+    encoder.set_color(png::ColorType::GrayscaleAlpha);
+    let mut writer = encoder.write_header().unwrap();
+    writer.write_image_data(&[255, 255, 255, 0]).unwrap();
+    writer.finish().unwrap();
+    let scale = Map::parse(&header("mode: scale"), &image).unwrap();
+    assert_eq!(states(&scale), [State::Free, State::Unknown]);
+    let trinary = Map::parse(&header("mode: trinary"), &image).unwrap();
+    assert_eq!(states(&trinary), [State::Free, State::Free]);
+}
+
+#[test]
+fn cells_and_points_agree_under_a_turned_origin() {
+    let map = Map::parse(&header(""), b"P2 3 2 1 1 1 1 1 1 1").unwrap();
+    for cell in map.cells() {
+        assert_eq!(map.cell(map.centre(cell)), Some(cell));
+    }
+    // The corner of the first cell is the origin; half a cell along the turned rows lies its centre.
+    let centre = map.centre(Cell { column: 0, row: 0 });
+    let expected = map.origin().place(crate::frames::BodyXy::new(0.05, 0.05));
+    assert!(centre.distance_m(expected) < 1e-12);
+}
+
+#[test]
+fn distances_are_between_centres() {
+    let map = room();
+    assert!((map.distance_m(MapXy::new(0.75, 0.75)) - 0.5).abs() < 1e-6);
+    assert!((map.distance_m(MapXy::new(2.25, 1.25)) - 1.0).abs() < 1e-6);
+    assert!(map.distance_m(MapXy::new(-1.0, 0.0)).is_infinite());
+}
+
+#[test]
+fn inflated_cells_are_near_walls_zones_and_edges() {
+    let open = Map::from_text(".....\n.....\n..x..\n.....\n.....", 1.0).unwrap();
+    let blocked = open.inflated(1.0);
+    let drawn: Vec<String> = blocked
+        .chunks(5)
+        .map(|row| row.iter().map(|it| if *it { '#' } else { '.' }).collect())
+        .collect();
+    assert_eq!(drawn, ["#####", "#.#.#", "#####", "#.#.#", "#####"]);
+    assert_eq!(open.inflated(0.0).iter().filter(|it| **it).count(), 1);
+}
+
+#[test]
+fn zones_cover_the_cells_within_their_corners() {
+    let zone = "keep_out: [[[0.0, 0.0], [1.0, 0.0], [1.0, 2.0], [0.0, 2.0]]]";
+    let text = format!(
+        "resolution: 0.5\n{zone}\nplan: |\n  ......\n  ......\n  ......\n  ......\n  ......\n"
+    );
+    let map = Map::parse(&Header::parse(&text).unwrap(), &[]).unwrap();
+    let kept: Vec<Cell> = map.cells().filter(|cell| map.is_kept_out(*cell)).collect();
+    assert_eq!(kept.len(), 8);
+    assert!(kept.iter().all(|cell| cell.column < 2 && cell.row < 4));
+}
+
+#[test]
+fn a_plan_in_the_file_is_the_same_as_one_given_as_text() {
+    let text = format!(
+        "resolution: 0.25\ncells_per_character: 2\nplan: |{}\n",
+        ROOM.replace('\n', "\n  ")
+    );
+    let map = Map::parse(&Header::parse(&text).unwrap(), &[]).unwrap();
+    assert_eq!((map.columns(), map.rows()), (16, 10));
+    for cell in room().cells() {
+        let centre = room().centre(cell);
+        assert_eq!(map.state(map.cell(centre).unwrap()), room().state(cell));
+    }
+}
+
+#[test]
+fn rays_end_at_the_edge_of_the_first_cell_that_is_not_free() {
+    let map = room();
+    let from = MapXy::new(1.0, 1.25);
+    let cast = |angle: f64| map.cast(from, angle, 10.0).unwrap();
+    assert!((cast(0.0) - 2.5).abs() < 1e-9);
+    assert!((cast(PI) - 0.5).abs() < 1e-9);
+    assert!((cast(PI / 2.0) - 0.75).abs() < 1e-9);
+    assert!((cast(-PI / 4.0) - 0.75 * 2.0_f64.sqrt()).abs() < 1e-9);
+    assert_eq!(map.cast(from, 0.0, 2.4), None);
+    assert_eq!(map.cast(MapXy::new(0.2, 0.2), 0.3, 10.0), Some(0.0));
+}
+
+proptest! {
+    #[test]
+    fn rays_agree_with_small_steps(x in 0.6..3.4, y in 0.6..1.9, angle in -3.1..3.1) {
+        let map = room();
+        let from = MapXy::new(x, y);
+        let range_m = map.cast(from, angle, 10.0).unwrap();
+        let is_free = |along: f64| {
+            map.cell(from.towards(angle, along)).is_some_and(|cell| map.state(cell) == State::Free)
+        };
+        prop_assert!((0..100).all(|step| is_free(range_m * f64::from(step) / 100.1)));
+        // A ray may leave a cell through its corner, where a step beyond is in the wall for less than rounding.
+        prop_assert!(!is_free(range_m + 1e-6) || !is_free(range_m + 1e-9));
+    }
+}
