@@ -2,6 +2,8 @@
 //! Everything is pure: no clock, no file, no random source of the host.
 
 pub mod avoidance;
+pub mod coverage;
 pub mod frames;
 pub mod map;
+pub mod path;
 pub mod refusal;

@@ -100,23 +100,35 @@ impl CertaintyGrid {
 
     /// The cells with any certainty: index and certainty.
     pub(super) fn occupied(&self) -> impl Iterator<Item = (usize, u8)> + '_ {
-        let (chunks, rest) = self.cells.as_chunks::<8>();
-        let rest_at = chunks.len() * 8;
-        let in_chunks = chunks
-            .iter()
-            .enumerate()
-            .filter(|(_, chunk)| u64::from_ne_bytes(**chunk) != 0)
-            .flat_map(|(at, chunk)| (at * 8..).zip(chunk.iter().copied()));
-        let at_end = (rest_at..).zip(rest.iter().copied());
-        in_chunks
-            .chain(at_end)
-            .filter(|(_, certainty)| *certainty > 0)
+        with_certainty(&self.cells, 0)
+    }
+
+    /// As [`Self::occupied`], without the rows that are farther than `reach_m` from the drone.
+    pub(super) fn occupied_near(&self, reach_m: f64) -> impl Iterator<Item = (usize, u8)> + '_ {
+        let reach = ((reach_m / CELL_M).ceil() as i64).clamp(0, REACH);
+        let from = (REACH - reach) as usize * SIDE;
+        let to = (REACH + reach + 1) as usize * SIDE;
+        with_certainty(&self.cells[from..to], from)
     }
 
     fn index_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
         let (x, y) = cell_of(x_m, y_m);
         index_of(x - self.centre.0, y - self.centre.1)
     }
+}
+
+/// The cells that are not 0, from index `first` on; eight empty ones cost one comparison.
+fn with_certainty(cells: &[u8], first: usize) -> impl Iterator<Item = (usize, u8)> + '_ {
+    let (chunks, rest) = cells.as_chunks::<8>();
+    let at_end = (first + chunks.len() * 8..).zip(rest.iter().copied());
+    let in_chunks = chunks
+        .iter()
+        .zip((first..).step_by(8))
+        .filter(|(chunk, _)| u64::from_ne_bytes(**chunk) != 0)
+        .flat_map(|(chunk, at)| (at..).zip(chunk.iter().copied()));
+    in_chunks
+        .chain(at_end)
+        .filter(|(_, certainty)| *certainty > 0)
 }
 
 fn cell_of(x_m: f64, y_m: f64) -> (i64, i64) {

@@ -35,8 +35,12 @@ struct Cell {
     first: u8,
     /// The sector after the last; may be beyond a full turn.
     end: u8,
+    /// The sector of the cell's own bearing.
+    sector: u8,
     /// Distance from the drone, in metres.
     distance_m: f32,
+    /// Bearing from the drone, in radians.
+    bearing_rad: f32,
 }
 
 /// VFH+. A call takes the same few microseconds however the grid is filled.
@@ -68,13 +72,13 @@ impl VfhPlus {
     fn update_binary(&mut self, situation: &Situation<'_>) {
         // Each cell adds its magnitude where its sectors begin and takes it away where they end.
         let mut changes = [0_i32; 2 * SECTORS + 1];
-        for (index, certainty) in situation.grid.occupied() {
-            let cell = self.table[index];
+        situation.grid.occupied().for_each(|(index, certainty)| {
+            let cell = &self.table[index];
             let certainty = i32::from(certainty);
             let magnitude = certainty * certainty * cell.weight;
             changes[usize::from(cell.first)] += magnitude;
             changes[usize::from(cell.end)] -= magnitude;
-        }
+        });
         let mut density = 0;
         let mut densities = [0_i32; SECTORS];
         for (sector, change) in changes.iter().enumerate() {
@@ -94,20 +98,25 @@ impl VfhPlus {
     fn unreachable(&self, situation: &Situation<'_>) -> SectorSet {
         let turn_m = situation.speed_mps / self.limits.turn_rate_max_rps;
         let clear_m = turn_m + self.limits.radius_m;
+        let (sin, cos) = (
+            libm::sin(situation.course_rad),
+            libm::cos(situation.course_rad),
+        );
+        let reach_m = turn_m + clear_m;
         // Of each side: how far the drone may turn, in radians.
         let mut turns = [PI, PI];
-        for (index, certainty) in situation.grid.occupied() {
-            let near = f64::from(self.table[index].distance_m) < turn_m + clear_m;
-            if certainty < OBSTACLE || !near {
+        for (index, certainty) in situation.grid.occupied_near(reach_m) {
+            let cell = &self.table[index];
+            if certainty < OBSTACLE || f64::from(cell.distance_m) >= reach_m {
                 continue;
             }
             let (x_m, y_m) = offset_m(index);
-            let aside = wrapped_rad(libm::atan2(y_m, x_m) - situation.course_rad);
-            let distance_m = f64::from(self.table[index].distance_m);
-            let (ahead_m, left_m) = (distance_m * libm::cos(aside), distance_m * libm::sin(aside));
-            let side = usize::from(left_m < 0.0);
-            if libm::hypot(ahead_m, left_m.abs() - turn_m) < clear_m {
-                turns[side] = turns[side].min(aside.abs());
+            let (ahead_m, left_m) = (cos * x_m + sin * y_m, cos * y_m - sin * x_m);
+            let (ahead_sq, aside) = (ahead_m * ahead_m, left_m.abs() - turn_m);
+            if ahead_sq + aside * aside < clear_m * clear_m {
+                let side = usize::from(left_m < 0.0);
+                let turn = wrapped_rad(f64::from(cell.bearing_rad) - situation.course_rad);
+                turns[side] = turns[side].min(turn.abs());
             }
         }
         let [left, right] = turns;
@@ -132,18 +141,20 @@ impl VfhPlus {
         candidates.min_by(|a, b| cost(*a).total_cmp(&cost(*b)))
     }
 
-    /// Distance of the nearest obstacle ahead, within half a wide valley, beyond the drone's radius, in metres.
+    /// Distance of the nearest obstacle ahead, within half a wide valley, beyond the drone's radius, in metres; at most
+    /// [`SLOWED_M`].
     fn room_ahead_m(&self, situation: &Situation<'_>, course_rad: f64) -> f64 {
-        let course = sector_of(course_rad) as f64;
-        let mut nearest_m = f32::INFINITY;
-        for (index, certainty) in situation.grid.occupied() {
-            let cell = self.table[index];
-            if certainty >= OBSTACLE && cell.distance_m < nearest_m {
-                let middle = f64::from(cell.first)
-                    + (f64::from(cell.end) - f64::from(cell.first) - 1.0) / 2.0;
-                if apart(middle, course) <= WIDE as f64 / 2.0 {
-                    nearest_m = cell.distance_m;
-                }
+        let course = sector_of(course_rad);
+        let half = WIDE / 2;
+        let ahead: SectorSet = (course + SECTORS - half..=course + SECTORS + half).collect();
+        let mut nearest_m = (SLOWED_M + self.limits.radius_m) as f32;
+        for (index, certainty) in situation.grid.occupied_near(f64::from(nearest_m)) {
+            let cell = &self.table[index];
+            if cell.distance_m < nearest_m
+                && certainty >= OBSTACLE
+                && ahead.contains(usize::from(cell.sector))
+            {
+                nearest_m = cell.distance_m;
             }
         }
         (f64::from(nearest_m) - self.limits.radius_m).max(0.0)
@@ -174,7 +185,9 @@ fn cell(index: usize, radius_m: f64) -> Cell {
         },
         first: first as u8,
         end: (first + width.max(1)) as u8,
+        sector: sector_of(bearing) as u8,
         distance_m: distance_m as f32,
+        bearing_rad: bearing as f32,
     }
 }
 
