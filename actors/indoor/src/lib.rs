@@ -6,4 +6,6 @@ pub mod coverage;
 pub mod frames;
 pub mod map;
 pub mod path;
+pub mod patrol;
+pub mod reading;
 pub mod refusal;

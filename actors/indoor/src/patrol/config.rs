@@ -1,0 +1,68 @@
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::avoidance::{Limits, Method};
+use crate::coverage::{Places, View};
+use crate::frames::{BodyXy, MapPose, MapXy};
+use crate::path::Floor;
+use crate::reading::Mounting;
+
+/// Time between two decisions.
+pub const PERIOD: Duration = Duration::from_millis(100);
+
+/// Axes of the five horizontal sonars of the indoor thesis, in degrees from the right: 0, 53, 90, 127, 180.
+pub const THESIS_SONARS: [f64; 5] = [0.0, 53.0, 90.0, 127.0, 180.0];
+/// Opening angle, nearest and farthest echo of an HC-SR04 (indoor thesis): degrees, metres.
+const HC_SR04: (f64, f64, f64) = (30.0, 0.05, 4.0);
+
+/// Distance by which the camera is taken to see less far than it does, for the pose is uncertain, in metres.
+const MARGIN_M: f64 = 0.2;
+/// Angle by which its cone is taken to be narrower on each side, in radians.
+const MARGIN_RAD: f64 = 0.07;
+
+/// The indoor thesis's sonars, in the middle of the drone.
+#[must_use]
+pub fn thesis_sonars() -> Vec<Mounting> {
+    let (aperture, range_min_m, range_max_m) = HC_SR04;
+    let mounting = |degrees: &f64| Mounting {
+        at: BodyXy::new(0.0, 0.0),
+        bearing_rad: (degrees - 90.0).to_radians(),
+        aperture_rad: aperture.to_radians(),
+        range_min_m,
+        range_max_m,
+    };
+    THESIS_SONARS.iter().map(mounting).collect()
+}
+
+/// What a patrol is given.
+#[derive(Debug, Clone)]
+pub struct Config {
+    /// The floor, for a drone that keeps [`Limits::radius_m`] from walls.
+    pub floor: Floor,
+    /// What can be seen, and from where.
+    pub places: Arc<Places>,
+    /// Where to look round, in this order.
+    pub stops: Vec<MapXy>,
+    /// The camera. It looks forward.
+    pub view: View,
+    /// Where the drone starts.
+    pub start: MapPose,
+    /// The sonars.
+    pub sonars: Vec<Mounting>,
+    /// How obstacles are avoided.
+    pub method: Method,
+    /// What the drone needs and can do.
+    pub limits: Limits,
+    /// Highest acceleration, in m/s².
+    pub acceleration_mps2: f64,
+}
+
+impl Config {
+    /// The camera as the patrol counts with it: what it sees is seen also if the pose is a little wrong.
+    pub(super) fn view_with_margin(&self) -> View {
+        View {
+            range_m: self.view.range_m - MARGIN_M,
+            cone_rad: self.view.cone_rad - 2.0 * MARGIN_RAD,
+        }
+    }
+}
