@@ -3,19 +3,18 @@
 
 mod actors;
 
-use muster_indoor::patrol::{Config, Patrol};
+use muster_indoor::patrol::Patrol;
 use muster_machines::machine::step;
 
-use crate::flat::Flat;
-use crate::world::{Outcome, Setup, World};
+use crate::world::{Outcome, Prepared, Setup, World};
 
 pub use self::actors::{EngineError, run as run_on_actors};
 
 /// Patrols a flat by stepping the machine.
 #[must_use]
-pub fn run(flat: &Flat, config: &Config, setup: Setup) -> Outcome {
-    let mut world = World::new(flat, config, setup);
-    let mut patrol = Patrol::new(config.clone(), world.seed(), world.now(), None);
+pub fn run(prepared: &Prepared, setup: Setup) -> Outcome {
+    let mut world = World::new(prepared, setup);
+    let mut patrol = Patrol::new(prepared.config.clone(), world.seed(), world.now(), None);
     let mut outputs = Vec::new();
     while let Some(stimulus) = world.next() {
         let deadline = step(&mut patrol, world.now(), stimulus, |it| outputs.push(it));

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_indoor::coverage::{self, PlanError, Seen};
+use muster_indoor::coverage::{self, Places, PlanError, Seen};
 use muster_indoor::frames::MapXy;
 use muster_indoor::path::Floor;
 use muster_indoor::patrol::{Config, Input, Patrol, Transmit, Velocity, thesis_sonars};
@@ -87,25 +87,46 @@ impl Setup {
     }
 }
 
-/// The configuration of a patrol through a flat. It takes a moment; all runs can share it.
-///
-/// # Errors
-/// If the drone can't start where the flat says.
-pub fn patrol_of(flat: &Flat, method: Method) -> Result<Config, PlanError> {
-    let floor = Floor::new(Arc::clone(&flat.map), LIMITS.radius_m);
-    let (tours, places) = coverage::plan(&floor, flat.camera, &[flat.start.at], TURN_M)?;
-    let stops = tours.into_iter().flat_map(|tour| tour.stops).collect();
-    Ok(Config {
-        floor,
-        places: Arc::new(places),
-        stops,
-        view: flat.camera,
-        start: flat.start,
-        sonars: thesis_sonars(),
-        method,
-        limits: LIMITS,
-        acceleration_mps2: ACCELERATION_MPS2,
-    })
+/// A flat that is ready to be patrolled. All runs can share it.
+#[derive(Debug, Clone)]
+pub struct Prepared {
+    /// The flat.
+    pub flat: Flat,
+    /// The drone's configuration.
+    pub config: Config,
+    /// What the drone's camera can see.
+    pub visible: Arc<Places>,
+}
+
+impl Prepared {
+    /// Plans the patrol of a flat. It takes a moment.
+    ///
+    /// # Errors
+    /// If the drone can't start where the flat says.
+    pub fn new(flat: Flat, method: Method) -> Result<Self, PlanError> {
+        let floor = Floor::new(Arc::clone(&flat.map), LIMITS.radius_m);
+        let starts = [flat.start.at];
+        let view = flat.camera.cautious();
+        let (tours, places) = coverage::plan(&floor, view, &starts, TURN_M)?;
+        let visible = Arc::new(Places::new(&floor, flat.camera, &starts)?);
+        let stops = tours.into_iter().flat_map(|tour| tour.stops).collect();
+        let config = Config {
+            floor,
+            places: Arc::new(places),
+            stops,
+            view,
+            start: flat.start,
+            sonars: thesis_sonars(),
+            method,
+            limits: LIMITS,
+            acceleration_mps2: ACCELERATION_MPS2,
+        };
+        Ok(Self {
+            flat,
+            config,
+            visible,
+        })
+    }
 }
 
 /// A flat with one drone in it, while it is patrolled.
@@ -113,7 +134,7 @@ pub fn patrol_of(flat: &Flat, method: Method) -> Result<Config, PlanError> {
 /// Invariant: all order is decided here; an engine adds none.
 #[derive(Debug)]
 pub struct World {
-    config: Config,
+    prepared: Prepared,
     setup: Setup,
     tick: u64,
     robot: Robot,
@@ -129,7 +150,12 @@ pub struct World {
 impl World {
     /// A flat at the begin of a patrol.
     #[must_use]
-    pub fn new(flat: &Flat, config: &Config, setup: Setup) -> Self {
+    pub fn new(prepared: &Prepared, setup: Setup) -> Self {
+        let Prepared {
+            flat,
+            config,
+            visible,
+        } = prepared;
         let noise = |stream: u64| setup.noise.then(|| Noise::new(setup.seed, stream));
         let mut walkers = Noise::new(setup.seed, 1);
         let people = flat.people.iter().filter(|_| setup.people);
@@ -141,10 +167,10 @@ impl World {
             sonar_noise: sonars.map(|sonar| noise(10 + sonar)).collect(),
             due: VecDeque::new(),
             deadline: Some(Timestamp::ZERO),
-            seen: Seen::none(config.places.targets().len()),
+            seen: Seen::none(visible.targets().len()),
             touching: false,
-            outcome: Outcome::new(config),
-            config: config.clone(),
+            outcome: Outcome::new(config, visible),
+            prepared: prepared.clone(),
             setup,
             tick: 0,
         }
@@ -200,8 +226,12 @@ impl World {
 
     fn command(&mut self, velocity: Velocity) {
         self.robot.wanted = velocity;
-        self.outcome
-            .check_blind(self.now(), velocity, &self.setup, &self.config.sonars);
+        self.outcome.check_blind(
+            self.now(),
+            velocity,
+            &self.setup,
+            &self.prepared.config.sonars,
+        );
     }
 
     fn advance(&mut self) {
@@ -216,7 +246,7 @@ impl World {
             let motion = self.robot.odometry(dt_s * ODOMETRY_TICKS as f64);
             self.due.push_back(Input::Odometry(motion));
         }
-        let sonars = self.config.sonars.clone();
+        let sonars = self.prepared.config.sonars.clone();
         for (place, mounting) in sonars.iter().enumerate() {
             let turn = place as u64 * SONAR_TICKS / sonars.len() as u64;
             if self.tick % SONAR_TICKS == turn {
@@ -224,15 +254,15 @@ impl World {
             }
         }
         if self.tick.is_multiple_of(LOOK_TICKS) {
-            let (map, view) = (self.config.floor.map(), self.config.view);
-            let targets = self.config.places.targets();
+            let (map, view) = (&self.prepared.flat.map, self.prepared.flat.camera);
+            let targets = self.prepared.visible.targets();
             targets.look(map, self.robot.pose, view, &mut self.seen);
         }
         if self.tick.is_multiple_of(SAMPLE_TICKS) {
             let people = self.people.iter().map(|person| person.at).collect();
             self.outcome.sample(self.now(), self.robot.pose, people);
         }
-        let missing = self.seen.missing(self.config.places.visible());
+        let missing = self.seen.missing(self.prepared.visible.visible());
         self.outcome.progress(self.now(), missing, DURATION_MAX);
     }
 
@@ -241,7 +271,7 @@ impl World {
         let failing = self.setup.failing.iter();
         let failing = failing.filter(|(sonar, _, from)| *sonar == place && *from <= now);
         let failing = failing.map(|(_, failing, _)| *failing).next_back();
-        let map = self.config.floor.map();
+        let map = self.prepared.config.floor.map();
         let noise = self.sonar_noise[place].as_mut();
         let echo = sonar::heard(map, &self.people, self.robot.pose, mounting, failing, noise);
         if let Some(echo) = echo {
@@ -257,7 +287,10 @@ impl World {
     fn check_clearance(&mut self) {
         let drone = self.robot.pose.at;
         let velocity = self.room_velocity();
-        let mut nearest = (wall_m(self.config.floor.map(), drone), Touched::Wall);
+        let mut nearest = (
+            wall_m(self.prepared.config.floor.map(), drone),
+            Touched::Wall,
+        );
         for person in &self.people {
             let (clearance_m, touched) = person_touch(drone, velocity, person);
             if clearance_m < nearest.0 {

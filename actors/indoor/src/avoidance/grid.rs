@@ -87,6 +87,13 @@ impl CertaintyGrid {
         }
     }
 
+    /// Lowers all cells by one: what was not heard again may have gone.
+    pub fn fade(&mut self) {
+        for cell in &mut self.cells {
+            *cell = cell.saturating_sub(LOWER);
+        }
+    }
+
     /// Forgets everything.
     pub fn clear(&mut self) {
         self.cells.fill(0);

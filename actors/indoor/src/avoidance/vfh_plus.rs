@@ -72,9 +72,13 @@ impl VfhPlus {
     fn update_binary(&mut self, situation: &Situation<'_>) {
         // Each cell adds its magnitude where its sectors begin and takes it away where they end.
         let mut changes = [0_i32; 2 * SECTORS + 1];
-        situation.grid.occupied().for_each(|(index, certainty)| {
+        // What lies behind the goal blocks no way to it.
+        let reach_m = situation.goal_m + 2.0 * self.limits.radius_m;
+        let reach_m = reach_m as f32;
+        let near = situation.grid.occupied_near(f64::from(reach_m));
+        near.for_each(|(index, certainty)| {
             let cell = &self.table[index];
-            let certainty = i32::from(certainty);
+            let certainty = i32::from(certainty) * i32::from(cell.distance_m < reach_m);
             let magnitude = certainty * certainty * cell.weight;
             changes[usize::from(cell.first)] += magnitude;
             changes[usize::from(cell.end)] -= magnitude;

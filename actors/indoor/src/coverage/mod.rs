@@ -24,6 +24,11 @@ pub const TARGET_M: f64 = 0.2;
 /// Distance between places to look from, in metres.
 pub const PLACE_M: f64 = 0.4;
 
+/// Distance by which a camera is taken to see less far than it does, for the pose is uncertain, in metres.
+const MARGIN_M: f64 = 0.2;
+/// Angle by which its cone is taken to be narrower on each side, in radians.
+const MARGIN_RAD: f64 = 0.07;
+
 /// What a camera sees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct View {
@@ -34,6 +39,15 @@ pub struct View {
 }
 
 impl View {
+    /// The part of the view that is seen also if the pose is a little wrong: 20 cm nearer, 4° narrower on each side.
+    #[must_use]
+    pub fn cautious(self) -> Self {
+        Self {
+            range_m: self.range_m - MARGIN_M,
+            cone_rad: self.cone_rad - 2.0 * MARGIN_RAD,
+        }
+    }
+
     /// A camera that turned once round.
     #[must_use]
     pub const fn all_round(self) -> Self {

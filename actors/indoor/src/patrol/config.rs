@@ -15,11 +15,6 @@ pub const THESIS_SONARS: [f64; 5] = [0.0, 53.0, 90.0, 127.0, 180.0];
 /// Opening angle, nearest and farthest echo of an HC-SR04 (indoor thesis): degrees, metres.
 const HC_SR04: (f64, f64, f64) = (30.0, 0.05, 4.0);
 
-/// Distance by which the camera is taken to see less far than it does, for the pose is uncertain, in metres.
-const MARGIN_M: f64 = 0.2;
-/// Angle by which its cone is taken to be narrower on each side, in radians.
-const MARGIN_RAD: f64 = 0.07;
-
 /// The indoor thesis's sonars, in the middle of the drone.
 #[must_use]
 pub fn thesis_sonars() -> Vec<Mounting> {
@@ -43,7 +38,7 @@ pub struct Config {
     pub places: Arc<Places>,
     /// Where to look round, in this order.
     pub stops: Vec<MapXy>,
-    /// The camera. It looks forward.
+    /// What the camera sees for sure, see [`View::cautious`]. It looks forward.
     pub view: View,
     /// Where the drone starts.
     pub start: MapPose,
@@ -55,14 +50,4 @@ pub struct Config {
     pub limits: Limits,
     /// Highest acceleration, in m/s².
     pub acceleration_mps2: f64,
-}
-
-impl Config {
-    /// The camera as the patrol counts with it: what it sees is seen also if the pose is a little wrong.
-    pub(super) fn view_with_margin(&self) -> View {
-        View {
-            range_m: self.view.range_m - MARGIN_M,
-            cone_rad: self.view.cone_rad - 2.0 * MARGIN_RAD,
-        }
-    }
 }

@@ -21,6 +21,10 @@ const LOOK_RPS: f64 = 0.9;
 const TURN_GAIN: f64 = 2.5;
 /// An echo from so much nearer than the map's wall is something else, in metres.
 const UNKNOWN_M: f64 = 0.25;
+/// Steps between two fadings: what gave two echoes and no more is forgotten in 3 s, what moves on leaves no trail.
+const FADE_STEPS: u32 = 5;
+/// Speed below which a drone is at rest, in m/s.
+const MOVING_MPS: f64 = 0.05;
 /// Share of the braking that the approach to a stop uses.
 const GENTLE: f64 = 0.5;
 
@@ -32,6 +36,7 @@ pub(super) struct Flight {
     course_rad: f64,
     speed_mps: f64,
     turn_rps: f64,
+    steps: u32,
 }
 
 impl Flight {
@@ -42,6 +47,7 @@ impl Flight {
             course_rad: 0.0,
             speed_mps: 0.0,
             turn_rps: 0.0,
+            steps: 0,
         }
     }
 
@@ -62,10 +68,14 @@ impl Flight {
         let motion = before.motion_to(now);
         self.speed_mps = libm::hypot(motion.forward_m, motion.left_m) / PERIOD.as_secs_f64();
         self.turn_rps = motion.turn_rad / PERIOD.as_secs_f64();
-        if self.speed_mps > 0.02 {
+        if self.speed_mps > MOVING_MPS {
             self.course_rad = before.at.bearing_rad(now.at);
         }
         self.found.move_to((now.at.x_m, now.at.y_m));
+        self.steps += 1;
+        if self.steps.is_multiple_of(FADE_STEPS) {
+            self.found.fade();
+        }
         for reading in readings {
             self.mark(config, place, reading);
         }
@@ -133,7 +143,9 @@ impl Flight {
                 let Some(leading_rad) = sonars.leading_rad() else {
                     return turn(0.0);
                 };
-                let Some((direction_rad, speed_mps)) = self.steer(config, place, seen) else {
+                let Some((direction_rad, speed_mps)) =
+                    self.steer(config, place, (leading_rad, seen))
+                else {
                     return turn(0.0);
                 };
                 let off_rad = wrapped_rad(direction_rad - leading_rad);
@@ -152,15 +164,26 @@ impl Flight {
     }
 
     /// Direction in the body frame and speed towards a point of the body frame.
-    fn steer(&mut self, config: &Config, place: &Place, to: BodyXy) -> Option<(f64, f64)> {
+    fn steer(
+        &mut self,
+        config: &Config,
+        place: &Place,
+        (leading_rad, to): (f64, BodyXy),
+    ) -> Option<(f64, f64)> {
         let grid = self.surroundings(config, place);
         let heading_rad = place.odometry().heading_rad;
+        // A drone at rest may start into any direction; where it looks it can start at once.
+        let course_rad = if self.speed_mps > MOVING_MPS {
+            self.course_rad
+        } else {
+            heading_rad + leading_rad
+        };
         let bearing_rad = libm::atan2(to.y_m, to.x_m);
         let steering = self.avoider.steer(&Situation {
             grid: &grid,
             goal_m: libm::hypot(to.x_m, to.y_m),
             goal_rad: (heading_rad + bearing_rad).rem_euclid(TAU),
-            course_rad: self.course_rad,
+            course_rad,
             speed_mps: self.speed_mps,
             turn_rate_rps: self.turn_rps,
             // Sonars are turned to the course, so no direction is blind for good; the guard has the last word.

@@ -8,7 +8,7 @@ use crate::reading::{Echo, Mounting};
 use super::message::Velocity;
 
 /// Distance from the drone's centre that it stops before an echo, in metres.
-const STOP_M: f64 = 0.28;
+const STOP_M: f64 = 0.2;
 /// Time that an echo may be old, and the velocity may need to take effect.
 const DELAY: Duration = Duration::from_millis(250);
 
@@ -103,7 +103,7 @@ mod tests {
     fn the_drone_stops_before_what_is_ahead() {
         let mut echoes = [Echo::Silence; 5];
         let mut before = 0.5;
-        for range_m in [2.0, 0.6, 0.4, 0.3, 0.2] {
+        for range_m in [2.0, 0.6, 0.4, 0.25, 0.2] {
             echoes[2] = Echo::At(range_m);
             let speed = guarded(forward(0.5), &watches(echoes), 1.0).forward_mps;
             let stops_m = speed * DELAY.as_secs_f64() + speed * speed / 2.0;

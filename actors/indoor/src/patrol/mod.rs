@@ -89,13 +89,22 @@ impl Patrol {
             .sense(&self.config, &self.place, &trusted, before);
         let pose = self.place.pose();
         if !self.place.is_lost() {
-            let (map, view) = (self.config.floor.map(), self.config.view_with_margin());
+            let (map, view) = (self.config.floor.map(), self.config.view);
             self.config
                 .places
                 .targets()
                 .look(map, pose, view, &mut self.seen);
         }
         let order = self.route.next(now, &self.config, &self.place, &self.seen);
+        if std::env::var("DBG").is_ok() {
+            eprintln!(
+                "{:.1} {:?} {:?} lead {:?}",
+                now.as_secs_f64(),
+                self.place.pose(),
+                order,
+                self.sonars.leading_rad()
+            );
+        }
         if let Order::GiveUp(stop) = order {
             self.event(Event::GivenUp(stop));
         }

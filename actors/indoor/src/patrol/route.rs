@@ -14,22 +14,22 @@ use crate::path::{Floor, Found, Obstacles, Search};
 /// Cells that a step's search expands at most: below a millisecond.
 const CELLS_A_STEP: usize = 4_000;
 /// A stop is reached within this distance, in metres.
-const ARRIVED_M: f64 = 0.25;
+const ARRIVED_M: f64 = 0.3;
 /// Distance along the way of the point that is flown to, in metres.
 const AHEAD_M: f64 = 0.7;
 /// A drone that gets no nearer to its stop for so long is blocked.
-const BLOCKED_AFTER: Duration = Duration::from_secs(5);
+const BLOCKED_AFTER: Duration = Duration::from_secs(4);
 /// Progress that counts, in metres.
 const PROGRESS_M: f64 = 0.15;
 /// Where the way is taken to be blocked: so far ahead, and so wide, in metres.
 const BLOCK_AHEAD_M: f64 = 0.7;
 const BLOCK_RADIUS_M: f64 = 0.4;
 /// Blocked places are tried again after this time.
-const FORGET_AFTER: Duration = Duration::from_secs(20);
+const FORGET_AFTER: Duration = Duration::from_secs(8);
 /// Times that a stop is tried before it is given up.
 const TRIES_MAX: u32 = 4;
 /// Time to wait where there is no way at all.
-const PATIENCE: Duration = Duration::from_secs(4);
+const PATIENCE: Duration = Duration::from_secs(2);
 /// Stops that may be added at the end for what is still unseen.
 const EXTRA_MAX: usize = 40;
 /// Distance from the way at which it is planned anew, in metres.
@@ -75,6 +75,8 @@ struct Stop {
 pub(super) struct Route {
     stops: VecDeque<Stop>,
     extra: usize,
+    /// What was seen, or tried to be seen from extra stops.
+    tried: Seen,
     phase: Phase,
     obstacles: Obstacles,
     /// When the last obstacle was added.
@@ -91,6 +93,7 @@ impl Route {
         Self {
             stops: stops.collect(),
             extra: 0,
+            tried: Seen::none(config.places.targets().len()),
             phase: Phase::Choosing,
             obstacles: Obstacles::default(),
             blocked_at: Timestamp::ZERO,
@@ -161,11 +164,19 @@ impl Route {
             }
             self.stops.pop_front();
         }
-        let best = config.places.best(seen, pose.at);
+        self.tried.add(seen);
+        let best = config.places.best(&self.tried, pose.at);
         match best.filter(|_| self.extra < EXTRA_MAX) {
-            Some((at, _)) => {
+            Some((place, _)) => {
                 self.extra += 1;
-                self.stops.push_back(Stop { at, tries: 0 });
+                self.stops.push_back(Stop {
+                    at: place,
+                    tries: 0,
+                });
+                // What isn't seen from there either is not tried again.
+                let (map, view) = (config.floor.map(), config.view.all_round());
+                let targets = config.places.targets();
+                targets.look(map, at(place), view, &mut self.tried);
                 self.search(now, config, pose)
             }
             None => {
@@ -196,7 +207,7 @@ impl Route {
         };
         let (astray_m, at) = along(way, pose.at);
         let left_m = length_from(way, at);
-        if left_m + astray_m < ARRIVED_M {
+        if left_m < ARRIVED_M && astray_m < ARRIVED_M {
             self.phase = Phase::Looking(config.look_rad());
             return Order::Look;
         }
@@ -273,7 +284,7 @@ fn at(point: MapXy) -> MapPose {
 /// How many targets a full turn at a pose would add.
 fn adds(config: &Config, pose: MapPose, seen: &Seen) -> usize {
     let mut after = seen.clone();
-    let view = config.view_with_margin().all_round();
+    let view = config.view.all_round();
     let places = &config.places;
     places
         .targets()

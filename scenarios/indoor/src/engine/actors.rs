@@ -8,8 +8,7 @@ use muster_machines::machine::{Stimulus, step};
 use ractor::{Actor, ActorProcessingErr, ActorRef};
 use tokio::sync::Notify;
 
-use crate::flat::Flat;
-use crate::world::{Outcome, Setup, World};
+use crate::world::{Outcome, Prepared, Setup, World};
 
 /// Why a patrol could not start. The cause is the computer.
 #[derive(Debug, thiserror::Error)]
@@ -26,9 +25,9 @@ pub enum EngineError {
 ///
 /// # Errors
 /// If the engine can't be started.
-pub fn run(flat: &Flat, config: &Config, setup: Setup) -> Result<Outcome, EngineError> {
+pub fn run(prepared: &Prepared, setup: Setup) -> Result<Outcome, EngineError> {
     let driver = Arc::new(Driver {
-        world: Arc::new(Mutex::new(World::new(flat, config, setup))),
+        world: Arc::new(Mutex::new(World::new(prepared, setup))),
         actor: OnceLock::new(),
         over: Notify::new(),
     });
@@ -38,7 +37,7 @@ pub fn run(flat: &Flat, config: &Config, setup: Setup) -> Result<Outcome, Engine
         .build()
         .map_err(EngineError::Runtime)?;
     let fly = async {
-        let arguments = (config.clone(), Arc::clone(&driver.world));
+        let arguments = (prepared.config.clone(), Arc::clone(&driver.world));
         let (actor, handle) = Actor::spawn(None, Drone, arguments).await?;
         let actor = driver.actor.get_or_init(|| actor);
         driver.over.notified().await;

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use muster_indoor::coverage::Places;
 use muster_indoor::frames::{MapPose, MapXy, wrapped_rad};
 use muster_indoor::patrol::{Config, Event, SonarChange, Velocity};
 use muster_indoor::reading::Mounting;
@@ -57,12 +58,13 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    pub(super) fn new(config: &Config) -> Self {
+    pub(super) fn new(config: &Config, visible: &Places) -> Self {
+        let visible = visible.visible().len();
         Self {
             is_done: false,
             time: Duration::ZERO,
-            visible: config.places.visible().len(),
-            unseen: config.places.visible().len(),
+            visible,
+            unseen: visible,
             least_clearance_m: f64::INFINITY,
             touches: Vec::new(),
             given_up: Vec::new(),
