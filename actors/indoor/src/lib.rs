@@ -3,6 +3,7 @@
 
 pub mod avoidance;
 pub mod coverage;
+pub mod filter;
 pub mod frames;
 pub mod map;
 pub mod path;

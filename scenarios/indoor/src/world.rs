@@ -113,6 +113,7 @@ impl Prepared {
         let config = Config {
             floor,
             places: Arc::new(places),
+            tables: Config::tables_of(&flat.map).expect("the start is free"),
             stops,
             view,
             start: flat.start,

@@ -3,7 +3,9 @@ use std::time::Duration;
 
 use crate::avoidance::{Limits, Method};
 use crate::coverage::{Places, View};
+use crate::filter::{NowhereFree, Tables};
 use crate::frames::{BodyXy, MapPose, MapXy};
+use crate::map::Map;
 use crate::path::Floor;
 use crate::reading::Mounting;
 
@@ -40,6 +42,8 @@ pub struct Config {
     pub stops: Vec<MapXy>,
     /// What the camera sees for sure, see [`View::cautious`]. It looks forward.
     pub view: View,
+    /// The map as the particle filter needs it, from [`Config::tables_of`].
+    pub tables: Arc<Tables>,
     /// Where the drone starts.
     pub start: MapPose,
     /// The sonars.
@@ -50,4 +54,14 @@ pub struct Config {
     pub limits: Limits,
     /// Highest acceleration, in m/s².
     pub acceleration_mps2: f64,
+}
+
+impl Config {
+    /// A map as the particle filter needs it. It takes a moment; patrols of the same map share it.
+    ///
+    /// # Errors
+    /// If no cell of the map is free.
+    pub fn tables_of(map: &Map) -> Result<Arc<Tables>, NowhereFree> {
+        Tables::new(map, &super::place::filter_config()).map(Arc::new)
+    }
 }
