@@ -5,6 +5,7 @@ pub mod avoidance;
 pub mod coverage;
 pub mod filter;
 pub mod frames;
+pub mod log;
 pub mod map;
 pub mod path;
 pub mod patrol;

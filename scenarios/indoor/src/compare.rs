@@ -10,7 +10,7 @@ use muster_indoor::avoidance::{CELL_M, CertaintyGrid, Method, SIDE, SectorSet, S
 use muster_indoor::frames::{MapXy, wrapped_rad};
 use muster_indoor::map::{Map, State};
 use muster_indoor::path::Floor;
-use muster_scenarios::report::STYLE;
+use muster_scenarios::report::TABLE_STYLE;
 
 use crate::flat::{CELL_M as MAP_CELL_M, widened};
 use crate::rule::{CLEARANCE_M, wall_m};
@@ -124,7 +124,7 @@ pub fn compare() -> Vec<Flown> {
 #[must_use]
 pub fn table(flown: &[Flown]) -> String {
     let mut table = Table::new();
-    table.load_style(STYLE);
+    table.force_no_tty().load_style(TABLE_STYLE);
     table.set_header(["trap", "method", "result", "time s", "clearance m", "swings/min"]);
     for flight in flown {
         let with = if flight.with_path { " with a path" } else { "" };
