@@ -9,6 +9,7 @@ mod fc;
 mod folder;
 mod keys;
 mod list;
+mod map;
 mod new;
 mod recordings;
 mod schema;
@@ -54,6 +55,7 @@ struct Arguments {
 enum Command {
     Sim(sim::Arguments),
     List(list::Arguments),
+    Map(map::Arguments),
     New(new::Arguments),
     Check(check::Arguments),
     Campaign(campaign::Arguments),
@@ -149,6 +151,7 @@ pub(crate) fn run() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Sim(arguments) => sim::run(&arguments),
         Command::List(arguments) => list::run(&arguments),
+        Command::Map(arguments) => map::run(&arguments),
         Command::New(arguments) => new::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::CampaignMerge(arguments) => campaign::merge(&arguments),

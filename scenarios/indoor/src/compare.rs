@@ -117,7 +117,8 @@ pub fn compare() -> Vec<Flown> {
         (Method::VfhPlus, true),
     ];
     let all = TRAPS.iter().flat_map(|trap| ways.map(|way| (trap, way)));
-    all.map(|(trap, (method, with_path))| fly(trap, method, with_path)).collect()
+    all.map(|(trap, (method, with_path))| fly(trap, method, with_path))
+        .collect()
 }
 
 /// The comparison as a table, one row for each flight.
@@ -125,7 +126,14 @@ pub fn compare() -> Vec<Flown> {
 pub fn table(flown: &[Flown]) -> String {
     let mut table = Table::new();
     table.force_no_tty().load_style(TABLE_STYLE);
-    table.set_header(["trap", "method", "result", "time s", "clearance m", "swings/min"]);
+    table.set_header([
+        "trap",
+        "method",
+        "result",
+        "time s",
+        "clearance m",
+        "swings/min",
+    ]);
     for flight in flown {
         let with = if flight.with_path { " with a path" } else { "" };
         table.add_row([
@@ -175,7 +183,9 @@ fn fly(trap: &Trap, method: Method, with_path: bool) -> Flown {
     let map = Arc::new(map.expect("shipped traps are tested"));
     let way = with_path.then(|| {
         let floor = Floor::new(Arc::clone(&map), LIMITS.radius_m);
-        floor.way(trap.start, trap.goal).expect("shipped traps have a way")
+        floor
+            .way(trap.start, trap.goal)
+            .expect("shipped traps have a way")
     });
     let mut avoider = method.avoider(LIMITS);
     let mut robot = Robot {
@@ -185,7 +195,10 @@ fn fly(trap: &Trap, method: Method, with_path: bool) -> Flown {
         turn_rps: 0.0,
     };
     let (mut time_s, mut clearance_m, mut swings) = (0.0, f64::INFINITY, Swings::default());
-    while robot.at.distance_m(trap.goal) > REACHED_M && time_s < TIME_MAX_S && clearance_m >= CLEARANCE_M {
+    while robot.at.distance_m(trap.goal) > REACHED_M
+        && time_s < TIME_MAX_S
+        && clearance_m >= CLEARANCE_M
+    {
         let to = way.as_deref().map_or(trap.goal, |way| ahead(way, robot.at));
         let grid = surroundings(&map, robot.at);
         let steering = avoider.steer(&Situation {
@@ -194,11 +207,17 @@ fn fly(trap: &Trap, method: Method, with_path: bool) -> Flown {
             goal_rad: robot.at.bearing_rad(to),
             course_rad: robot.course_rad,
             speed_mps: libm::hypot(robot.velocity.0, robot.velocity.1),
-            turn_rate_rps: robot.turn_rps.clamp(-LIMITS.turn_rate_max_rps / 2.0, LIMITS.turn_rate_max_rps / 2.0),
+            turn_rate_rps: robot.turn_rps.clamp(
+                -LIMITS.turn_rate_max_rps / 2.0,
+                LIMITS.turn_rate_max_rps / 2.0,
+            ),
             blind: SectorSet::NONE,
         });
         let wanted = steering.map_or((0.0, 0.0), |it| {
-            (it.speed_mps * libm::cos(it.course_rad), it.speed_mps * libm::sin(it.course_rad))
+            (
+                it.speed_mps * libm::cos(it.course_rad),
+                it.speed_mps * libm::sin(it.course_rad),
+            )
         });
         robot.step(wanted);
         swings.observe(robot.course_rad);
@@ -275,11 +294,14 @@ fn ahead(way: &[MapXy], at: MapXy) -> MapXy {
             let bearing_rad = leg[0].bearing_rad(leg[1]);
             let length_m = leg[0].distance_m(leg[1]);
             let from = leg[0];
-            (1..=steps as usize).map(move |step| from.towards(bearing_rad, length_m * step as f64 / steps))
+            (1..=steps as usize)
+                .map(move |step| from.towards(bearing_rad, length_m * step as f64 / steps))
         })
         .collect();
     let nearest = (0..points.len()).min_by(|a, b| {
-        points[*a].distance_m(at).total_cmp(&points[*b].distance_m(at))
+        points[*a]
+            .distance_m(at)
+            .total_cmp(&points[*b].distance_m(at))
     });
     let index = nearest.unwrap_or(0) + (AHEAD_M / CELL_M) as usize;
     points.get(index).or(points.last()).copied().unwrap_or(at)
@@ -304,7 +326,9 @@ mod tests {
             }
         }
         let of_fields = |trap| {
-            let mut fields = flown.iter().filter(|it| it.method == Method::PotentialFields);
+            let mut fields = flown
+                .iter()
+                .filter(|it| it.method == Method::PotentialFields);
             fields.find(|it| it.trap == trap).map(|it| it.fate)
         };
         assert_eq!(of_fields("U"), Some(Fate::Trapped));

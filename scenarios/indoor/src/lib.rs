@@ -2,9 +2,12 @@
 //!
 //! The drone is the machine of `muster-indoor`. The same flat and seed give the same patrol, on both engines.
 
+pub mod campaign;
+pub mod compare;
 pub mod engine;
 pub mod flat;
 mod noise;
+pub mod page;
 mod people;
 mod robot;
 mod rule;

@@ -221,7 +221,9 @@ impl World {
 
     /// What came of the patrol.
     #[must_use]
-    pub fn finish(self) -> Outcome {
+    pub fn finish(mut self) -> Outcome {
+        let unseen = self.seen.missing_of(self.prepared.visible.visible());
+        self.outcome.unseen_targets = unseen.collect();
         self.outcome
     }
 

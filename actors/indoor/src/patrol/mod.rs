@@ -96,15 +96,6 @@ impl Patrol {
                 .look(map, pose, view, &mut self.seen);
         }
         let order = self.route.next(now, &self.config, &self.place, &self.seen);
-        if std::env::var("DBG").is_ok() {
-            eprintln!(
-                "{:.1} {:?} {:?} lead {:?}",
-                now.as_secs_f64(),
-                self.place.pose(),
-                order,
-                self.sonars.leading_rad()
-            );
-        }
         if let Order::GiveUp(stop) = order {
             self.event(Event::GivenUp(stop));
         }

@@ -28,7 +28,10 @@ pub(super) fn filter_config() -> filter::Config {
         alpha2: 0.02,
         alpha3: 0.05,
         alpha4: 0.005,
-        recovery_alpha_slow: 0.002,
+        // People stand before sonars.
+        fit_found: 0.4,
+        // No particles from elsewhere: one that fits five sonars by chance is taken for the drone. It starts at a known pose.
+        recovery_alpha_slow: 0.05,
         recovery_alpha_fast: 0.05,
         ..filter::Config::default()
     }

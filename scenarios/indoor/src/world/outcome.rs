@@ -39,6 +39,8 @@ pub struct Outcome {
     pub visible: usize,
     /// Targets of those that were not seen.
     pub unseen: usize,
+    /// Which these are.
+    pub unseen_targets: Vec<usize>,
     /// Least distance from walls and people, in metres; at most 1 m is measured.
     pub least_clearance_m: f64,
     /// Each time that the clearance became too small.
@@ -65,6 +67,7 @@ impl Outcome {
             time: Duration::ZERO,
             visible,
             unseen: visible,
+            unseen_targets: Vec::new(),
             least_clearance_m: f64::INFINITY,
             touches: Vec::new(),
             given_up: Vec::new(),
