@@ -84,7 +84,10 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     );
     for (drone, tour) in tours.iter().enumerate() {
         let stops = plural(tour.stops.len(), "stop");
-        text.push_str(&format!("   drone {drone}: {stops}, {} m\n", figure(tour.length_m, 1)));
+        text.push_str(&format!(
+            "   drone {drone}: {stops}, {} m\n",
+            figure(tour.length_m, 1)
+        ));
     }
     text.push_str(&format!("\n wrote {}\n", written.display()));
     terminal::print(&text)?;
@@ -93,8 +96,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 
 /// The way of a tour.
 fn flown(floor: &Floor, tour: &Tour) -> Vec<MapXy> {
-    let places: Vec<MapXy> = std::iter::once(tour.start).chain(tour.stops.iter().copied()).collect();
-    let legs = places.windows(2).map(|pair| floor.way(pair[0], pair[1]).unwrap_or_default());
+    let places: Vec<MapXy> = std::iter::once(tour.start)
+        .chain(tour.stops.iter().copied())
+        .collect();
+    let legs = places
+        .windows(2)
+        .map(|pair| floor.way(pair[0], pair[1]).unwrap_or_default());
     legs.flatten().collect()
 }
 
@@ -102,7 +109,8 @@ fn flown(floor: &Floor, tour: &Tour) -> Vec<MapXy> {
 fn middle(floor: &Floor) -> Option<MapXy> {
     let map = floor.map();
     let size = |cells: usize| cells as f64 * map.resolution_m();
-    let middle = muster_indoor::frames::BodyXy::new(size(map.columns()) / 2.0, size(map.rows()) / 2.0);
+    let middle =
+        muster_indoor::frames::BodyXy::new(size(map.columns()) / 2.0, size(map.rows()) / 2.0);
     let reach_m = size(map.columns()) + size(map.rows());
     let cell = floor.nearest_free(map.origin().place(middle), reach_m)?;
     Some(map.centre(cell))

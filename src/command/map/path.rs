@@ -46,12 +46,18 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     for end in [arguments.from, arguments.to] {
         if !floor.is_free(end) {
             let message = format!("a drone can't be at {end:?}");
-            let help = format!("a place on the map, {} m from walls and from what is unknown", arguments.radius);
+            let help = format!(
+                "a place on the map, {} m from walls and from what is unknown",
+                arguments.radius
+            );
             return Err(BadInput::without_excerpt(&arguments.map, message, help).into());
         }
     }
     let Some(way) = floor.way(arguments.from, arguments.to) else {
-        let message = format!("there is no way from {:?} to {:?}", arguments.from, arguments.to);
+        let message = format!(
+            "there is no way from {:?} to {:?}",
+            arguments.from, arguments.to
+        );
         let help = "a smaller --radius fits through narrower doors";
         return Err(BadInput::without_excerpt(&arguments.map, message, help).into());
     };

@@ -59,7 +59,9 @@ fn failing(text: &str) -> Result<(usize, Failing), String> {
         };
         Some((sonar, how))
     });
-    parsed.ok_or_else(|| "a sonar from 0 to 4 and `dead`, `stuck` or `glass`, as in 2=dead".to_owned())
+    parsed.ok_or_else(|| {
+        "a sonar from 0 to 4 and `dead`, `stuck` or `glass`, as in 2=dead".to_owned()
+    })
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
@@ -68,21 +70,48 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         let help = "`start` takes a place that is clear of walls";
         BadInput::without_excerpt(&arguments.flat, error, help)
     })?;
-    let failing: Vec<_> = arguments.fail.iter().map(|(sonar, how)| (*sonar, *how, FAIL_AFTER)).collect();
-    let jobs = arguments.jobs.or_else(|| std::thread::available_parallelism().ok());
+    let failing: Vec<_> = arguments
+        .fail
+        .iter()
+        .map(|(sonar, how)| (*sonar, *how, FAIL_AFTER))
+        .collect();
+    let jobs = arguments
+        .jobs
+        .or_else(|| std::thread::available_parallelism().ok());
     let bar = terminal::progress_bar(
         "{pos:>8}/{len} patrols {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
     );
     bar.set_length(arguments.seeds.number());
     let jobs = jobs.unwrap_or(NonZeroUsize::MIN);
-    let campaign = campaign::run(&prepared, arguments.seeds, &failing, jobs, |done| bar.set_position(done));
+    let campaign = campaign::run(&prepared, arguments.seeds, &failing, jobs, |done| {
+        bar.set_position(done)
+    });
     bar.finish_and_clear();
     let seed = arguments.seeds.at(0);
-    let first = engine::run(&prepared, Setup { failing, ..Setup::seeded(seed) });
-    let command = format!("muster map patrol {} --seeds {}", arguments.flat.display(), arguments.seeds);
+    let first = engine::run(
+        &prepared,
+        Setup {
+            failing,
+            ..Setup::seeded(seed)
+        },
+    );
+    let command = format!(
+        "muster map patrol {} --seeds {}",
+        arguments.flat.display(),
+        arguments.seeds
+    );
     let page = page::patrol(&prepared, &campaign, &first, &command);
-    let written = place::write(arguments.out.as_deref(), &prepared.flat.name, "patrol", &page)?;
-    let text = format!("{}\n wrote {}\n", campaign::table(&campaign), written.display());
+    let written = place::write(
+        arguments.out.as_deref(),
+        &prepared.flat.name,
+        "patrol",
+        &page,
+    )?;
+    let text = format!(
+        "{}\n wrote {}\n",
+        campaign::table(&campaign),
+        written.display()
+    );
     terminal::print(&text)?;
     Ok(if campaign.rows.iter().any(Row::broke_rule) {
         Outcome::RuleBroken

@@ -23,7 +23,10 @@ pub(super) fn place(text: &str) -> Result<MapXy, String> {
 
 /// A number within limits, for arguments with units.
 pub(super) fn within(text: &str, low: f64, high: f64) -> Result<f64, String> {
-    let number = text.parse().ok().filter(|it: &f64| (low..=high).contains(it));
+    let number = text
+        .parse()
+        .ok()
+        .filter(|it: &f64| (low..=high).contains(it));
     number.ok_or_else(|| format!("a number from {low} to {high}"))
 }
 
@@ -39,7 +42,12 @@ pub(super) fn map(named: &Path) -> Result<(String, Arc<Map>), BadInput> {
 }
 
 /// Writes a page to the file that was asked for, or to `runs/NAME-WHAT.html`. Its path.
-pub(super) fn write(out: Option<&Path>, name: &str, what: &str, page: &str) -> Result<PathBuf, Failure> {
+pub(super) fn write(
+    out: Option<&Path>,
+    name: &str,
+    what: &str,
+    page: &str,
+) -> Result<PathBuf, Failure> {
     let default = || Path::new("runs").join(format!("{name}-{what}.html"));
     let path = out.map_or_else(default, Path::to_path_buf);
     let folder = path.parent().unwrap_or(Path::new(""));

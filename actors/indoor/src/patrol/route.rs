@@ -26,8 +26,9 @@ const BLOCK_AHEAD_M: f64 = 0.7;
 const BLOCK_RADIUS_M: f64 = 0.4;
 /// Blocked places are tried again after this time.
 const FORGET_AFTER: Duration = Duration::from_secs(8);
-/// Times that a stop is tried before it is given up.
-const TRIES_MAX: u32 = 4;
+/// Times that a stop is tried before it is given up, and after which others come first: people mostly walk on.
+const TRIES_MAX: u32 = 9;
+const TRIES_BEFORE_OTHERS: u32 = 3;
 /// Time to wait where there is no way at all.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// Stops that may be added at the end for what is still unseen.
@@ -151,7 +152,7 @@ impl Route {
                 if now >= *until {
                     self.phase = Phase::Choosing;
                 }
-                Order::Look
+                Order::Wait
             }
         }
     }
@@ -242,17 +243,16 @@ impl Route {
         }
     }
 
-    /// There is no way: the drone waits, and other stops come first.
+    /// There is no way: the drone waits; after some tries, other stops come first.
     fn no_way(&mut self, now: Timestamp) -> Order {
         self.obstacles.clear();
         let given_up = self.tried();
-        if given_up.is_none()
-            && let Some(stop) = self.stops.pop_front()
-        {
-            self.stops.push_back(stop);
+        let tries = self.stops.front().map_or(0, |stop| stop.tries);
+        if given_up.is_none() && tries.is_multiple_of(TRIES_BEFORE_OTHERS) {
+            self.stops.rotate_left(1.min(self.stops.len()));
         }
         self.phase = Phase::Waiting(now + PATIENCE);
-        given_up.map_or(Order::Look, Order::GiveUp)
+        given_up.map_or(Order::Wait, Order::GiveUp)
     }
 
     /// Counts a try of the present stop; the stop, if it is given up.
@@ -263,7 +263,8 @@ impl Route {
             return None;
         }
         self.phase = Phase::Choosing;
-        self.stops.pop_front().map(|stop| stop.at)
+        let given_up = self.stops.pop_front();
+        given_up.map(|stop| stop.at)
     }
 }
 
