@@ -110,13 +110,7 @@ fn readings(map: &Map, pose: MapPose, beams: usize) -> Vec<Reading> {
         let bearing_rad = (beam as f64 / beams as f64 - 0.5) * PI;
         let range_m = map.cast(pose.at, pose.heading_rad + bearing_rad, 30.0);
         Reading {
-            mounting: Mounting {
-                at: BodyXy::new(0.0, 0.0),
-                bearing_rad,
-                aperture_rad: 0.0,
-                range_min_m: 0.0,
-                range_max_m: 30.0,
-            },
+            mounting: Mounting::laser(BodyXy::new(0.0, 0.0), bearing_rad, 30.0),
             echo: range_m.map_or(Echo::Silence, Echo::At),
             taken: Duration::ZERO,
             expires: Duration::from_secs(1),

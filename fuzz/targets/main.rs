@@ -4,9 +4,13 @@
 
 mod drone;
 mod drone_file;
+mod echo;
 mod frames;
 mod journal;
+mod lidar;
 mod lists;
+mod log;
+mod map;
 mod mission;
 mod msp;
 mod scenario;
@@ -19,7 +23,7 @@ use libfuzzer_sys::fuzz_target;
 /// Runs a target on an input.
 type Target = fn(&[u8]);
 
-const TARGETS: [(&str, Target); 8] = [
+const TARGETS: [(&str, Target); 12] = [
     ("frames", frames::run),
     ("drone", drone::run),
     ("journal", journal::run),
@@ -28,6 +32,10 @@ const TARGETS: [(&str, Target); 8] = [
     ("scenario", scenario::run),
     ("drone-file", drone_file::run),
     ("msp", msp::run),
+    ("map", map::run),
+    ("log", log::run),
+    ("lidar", lidar::run),
+    ("echo", echo::run),
 ];
 
 fuzz_target!(|bytes: &[u8]| {

@@ -6,6 +6,7 @@ pub mod chaos;
 mod checkers;
 pub mod controllers;
 pub mod engine;
+pub mod localisation;
 pub mod report;
 pub mod scenario;
 mod segments;

@@ -11,3 +11,4 @@ pub mod path;
 pub mod patrol;
 pub mod reading;
 pub mod refusal;
+pub mod sensor;

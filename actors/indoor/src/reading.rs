@@ -30,6 +30,20 @@ pub struct Mounting {
     pub range_max_m: f64,
 }
 
+impl Mounting {
+    /// A laser at `at` that looks in the direction `bearing_rad` and reaches `range_max_m`.
+    #[must_use]
+    pub const fn laser(at: BodyXy, bearing_rad: f64, range_max_m: f64) -> Self {
+        Self {
+            at,
+            bearing_rad,
+            aperture_rad: 0.0,
+            range_min_m: 0.0,
+            range_max_m,
+        }
+    }
+}
+
 /// One measurement.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Reading {

@@ -145,11 +145,11 @@ impl Cones {
         }
     }
 
-    /// The likelihood of a reading from the first of some poses; 1 for the best.
-    pub(super) fn likelihood(&self, poses: Poses<'_>, cone: &Cone) -> f64 {
+    /// Whether a reading is within two standard deviations of what is expected from the first of some poses.
+    pub(super) fn fits(&self, poses: Poses<'_>, cone: &Cone) -> bool {
         let mut score = [0.0];
         self.add_scores(poses, cone, &mut [0], &mut score);
-        libm::exp(f64::from(score[0]))
+        score[0] >= -2.0
     }
 
     #[inline]

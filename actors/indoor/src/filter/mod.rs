@@ -54,7 +54,7 @@ pub struct Estimate {
     pub is_lost: bool,
     /// The share of the particles' weight that is at the pose.
     pub share: f64,
-    /// The share of readings that fit the map at the pose; the last step's that had readings.
+    /// The share of readings that fit the map at the pose; of the last scan, or of the last few sonars' readings.
     pub fit: f64,
     /// Particles that were weighed.
     pub particles: usize,
@@ -125,7 +125,7 @@ impl Filter {
         if observation.len() > 0 {
             observation.set_sigma(self.config.sigma_hit, &tables, &self.config);
             let fit = observation.fit(&cluster.particle(), &tables, &self.config);
-            self.recovery.observe(fit, &self.config);
+            self.recovery.observe(fit, observation.len(), &self.config);
         }
         self.is_searching = cluster.share < SHARE_FOUND;
         self.draw();

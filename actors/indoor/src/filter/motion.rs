@@ -95,3 +95,101 @@ fn odometry(
         *heading = direction + second + second_noise * noise.normal();
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use rand_chacha::ChaCha8Rng;
+    use rand_chacha::rand_core::SeedableRng;
+
+    use super::*;
+
+    /// Particles that start at the origin and look along the rows, after a motion; cells of half a metre.
+    fn moved(motion: Motion, config: &Config) -> Particles {
+        let mut particles = Particles::default();
+        (0..4_000).for_each(|_| particles.push(0.0, 0.0, 0.0));
+        let mut noise = Noise::new(ChaCha8Rng::seed_from_u64(1));
+        advance(
+            &mut particles,
+            Moved::Odometry(motion),
+            config,
+            0.5,
+            &mut noise,
+        );
+        particles
+    }
+
+    fn spread(values: &[f32]) -> (f32, f32) {
+        let count = values.len() as f32;
+        let mean = values.iter().sum::<f32>() / count;
+        let variance = values
+            .iter()
+            .map(|it| (it - mean) * (it - mean))
+            .sum::<f32>()
+            / count;
+        (mean, variance.sqrt())
+    }
+
+    fn only(turn: f64, way: f64) -> Config {
+        Config {
+            alpha1: turn,
+            alpha2: 0.0,
+            alpha3: way,
+            alpha4: 0.0,
+            ..Config::default()
+        }
+    }
+
+    fn motion(forward_m: f64, turn_rad: f64) -> Motion {
+        Motion {
+            forward_m,
+            left_m: 0.0,
+            turn_rad,
+        }
+    }
+
+    #[test]
+    fn noise_getters_are_not_swapped() {
+        let turned = moved(motion(2.0, 1.0), &only(0.04, 0.0));
+        let (_, heading) = spread(&turned.heading);
+        assert!((heading - 0.2).abs() < 0.01, "{heading}");
+        let went = moved(motion(2.0, 0.0), &only(0.0, 0.04));
+        let (ahead, way) = spread(&went.x);
+        // 2 m are 4 cells, a deviation of 0.4 m is 0.8.
+        assert!(
+            (ahead - 4.0).abs() < 0.05 && (way - 0.8).abs() < 0.03,
+            "{ahead} {way}"
+        );
+        assert!(spread(&went.heading).1 < 1e-6);
+    }
+
+    #[test]
+    fn angles_are_not_passed_where_distances_belong() {
+        let turned = moved(motion(0.0, 1.0), &only(0.0, 0.0));
+        assert!(turned.x.iter().chain(&turned.y).all(|it| it.abs() < 1e-6));
+        let went = moved(motion(1.0, 0.0), &only(0.0, 0.0));
+        assert!(went.heading.iter().all(|it| it.abs() < 1e-6));
+        assert!(went.x.iter().all(|it| (it - 2.0).abs() < 1e-5));
+    }
+
+    #[test]
+    fn radians_are_not_divided_by_degrees() {
+        let turned = moved(motion(0.0, 1.0), &only(0.0, 0.0));
+        assert!(turned.heading.iter().all(|it| (it - 1.0).abs() < 1e-5));
+        let noisy = moved(motion(0.0, 1.0), &only(0.01, 0.0));
+        assert!((spread(&noisy.heading).1 - 0.1).abs() < 0.005);
+    }
+
+    #[test]
+    fn without_odometry_particles_walk_by_the_root_of_time() {
+        let mut particles = Particles::default();
+        (0..4_000).for_each(|_| particles.push(0.0, 0.0, 0.0));
+        let mut noise = Noise::new(ChaCha8Rng::seed_from_u64(1));
+        let moved = Moved::Unknown(Duration::from_secs(4));
+        let config = Config {
+            walk_m2: 0.25,
+            ..Config::default()
+        };
+        advance(&mut particles, moved, &config, 0.5, &mut noise);
+        assert!((spread(&particles.x).1 - 2.0).abs() < 0.08);
+    }
+}

@@ -111,10 +111,10 @@ impl Observation {
             let likelihood = tables.field.likelihood(pose, *end, &self.curve);
             (likelihood - floor) / (1.0 - floor)
         });
-        let cones = tables
-            .cones
-            .iter()
-            .flat_map(|cones| self.cones.iter().map(|cone| cones.likelihood(pose, cone)));
+        let cones = tables.cones.iter().flat_map(|cones| {
+            let fits = |cone| f64::from(u8::from(cones.fits(pose, cone)));
+            self.cones.iter().map(fits)
+        });
         rays.chain(cones).sum::<f64>() / self.len().max(1) as f64
     }
 }

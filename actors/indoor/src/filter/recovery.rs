@@ -13,12 +13,17 @@ pub(super) struct Recovery {
 }
 
 impl Recovery {
-    pub(super) fn observe(&mut self, fit: f64, config: &Config) {
-        self.fit = fit;
+    /// Few readings tell little, so averages follow them slower.
+    pub(super) fn observe(&mut self, fit: f64, readings: usize, config: &Config) {
+        let weight = (readings as f64 / config.observations).min(1.0);
         let (slow, fast) = self.averages.unwrap_or((fit, fit));
+        if self.averages.is_none() {
+            self.fit = fit;
+        }
+        self.fit += weight * (fit - self.fit);
         self.averages = Some((
-            slow + config.recovery_alpha_slow * (fit - slow),
-            fast + config.recovery_alpha_fast * (fit - fast),
+            slow + weight * config.recovery_alpha_slow * (fit - slow),
+            fast + weight * config.recovery_alpha_fast * (fit - fast),
         ));
     }
 
@@ -29,7 +34,7 @@ impl Recovery {
         (1.0 - fast / slow.max(fit_found)).max(0.0)
     }
 
-    /// The last fit.
+    /// The fit of about the last `config.observations` readings.
     pub(super) fn fit(&self) -> f64 {
         self.fit
     }

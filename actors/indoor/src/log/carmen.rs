@@ -113,8 +113,8 @@ fn ranges(words: &mut Words<'_>) -> Result<Vec<Option<f32>>, Refusal> {
 
 fn pose(words: &mut Words<'_>, what: &str) -> Result<(f64, f64, f64), Refusal> {
     Ok((
-        words.number(&format!("{what}'s x in metres"), PLACE_MAX)?,
-        words.number(&format!("{what}'s y in metres"), PLACE_MAX)?,
-        words.number(&format!("{what}'s heading in radians"), ANGLE_MAX)?,
+        words.number(&format!("{what}, x in metres"), PLACE_MAX)?,
+        words.number(&format!("{what}, y in metres"), PLACE_MAX)?,
+        words.number(&format!("{what}, heading in radians"), ANGLE_MAX)?,
     ))
 }

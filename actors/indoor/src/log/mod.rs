@@ -8,7 +8,7 @@ mod words;
 
 use std::time::Duration;
 
-use crate::frames::{BodyXy, MapPose, Motion};
+use crate::frames::{MapPose, Motion};
 use crate::reading::{Echo, Mounting, Reading};
 use crate::refusal::Refusal;
 
@@ -44,19 +44,11 @@ pub struct Scan {
 }
 
 impl Scan {
-    /// The readings of a scan that was taken at `taken` by a sensor at `at`, which reaches `range_max_m`.
-    pub fn readings(
-        &self,
-        at: BodyXy,
-        range_max_m: f64,
-        taken: Duration,
-    ) -> impl Iterator<Item = Reading> {
+    /// The readings of a scan that was taken at `taken` by a laser that is mounted as `laser` is.
+    pub fn readings(&self, laser: Mounting, taken: Duration) -> impl Iterator<Item = Reading> {
         let mounting = move |beam: usize| Mounting {
-            at,
-            bearing_rad: self.first_rad + self.between_rad * beam as f64,
-            aperture_rad: 0.0,
-            range_min_m: 0.0,
-            range_max_m,
+            bearing_rad: laser.bearing_rad + self.first_rad + self.between_rad * beam as f64,
+            ..laser
         };
         let ranges = self.ranges_m.iter().enumerate();
         ranges.map(move |(beam, range_m)| Reading {

@@ -8,13 +8,11 @@ use std::time::Duration;
 use muster_indoor::frames::{BodyXy, MapPose, wrapped_rad};
 use muster_indoor::log::{self, Step};
 use muster_indoor::map::{Header, Map};
-use muster_indoor::reading::Reading;
+use muster_indoor::reading::{Mounting, Reading};
 
 /// Where the laser is, metres ahead of the robot's centre. The data doesn't say so, but the poses that scans have on the map
 /// agree with the odometry in turns for 0.7 to 0.9 m, and MRPT's final pose is 0.70 m behind that of the last scan.
-const LASER: BodyXy = BodyXy::new(0.7, 0.0);
-/// The laser's range, metres.
-const RANGE_MAX_M: f64 = 80.0;
+const LASER: Mounting = Mounting::laser(BodyXy::new(0.7, 0.0), 0.0, 80.0);
 
 pub(crate) struct Malaga {
     pub(crate) map: Map,
@@ -47,11 +45,7 @@ impl Malaga {
         let map = Map::parse(&header, &image).unwrap();
         let log =
             log::parse(&fs::read_to_string(folder.join("malaga_scans.txt")).unwrap()).unwrap();
-        let readings = |step: &Step| {
-            step.scan
-                .readings(LASER, RANGE_MAX_M, Duration::ZERO)
-                .collect()
-        };
+        let readings = |step: &Step| step.scan.readings(LASER, Duration::ZERO).collect();
         let readings: Vec<Vec<Reading>> = log.iter().map(readings).collect();
         let track = track(&map, &log, &readings);
         Some(Self {

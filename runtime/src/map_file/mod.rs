@@ -1,5 +1,8 @@
 //! Reader of maps of buildings: a map_server YAML with its image, or a floor plan drawn in it.
 
+#[cfg(test)]
+mod tests;
+
 use std::path::{Path, PathBuf};
 
 use muster_indoor::map::{Header, IMAGE_SIZE_MAX, Map, MapError};
