@@ -58,6 +58,7 @@ struct Arguments {
 enum Command {
     Sim(sim::Arguments),
     List(list::Arguments),
+    Map(map::Arguments),
     New(new::Arguments),
     Check(check::Arguments),
     Campaign(campaign::Arguments),
@@ -70,7 +71,6 @@ enum Command {
     Keys(keys::Arguments),
     Drone(drone::Arguments),
     Fc(fc::Arguments),
-    Map(map::Arguments),
     Schema(schema::Arguments),
     Completions(completions::Arguments),
 }
@@ -159,6 +159,7 @@ pub(crate) fn run() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Sim(arguments) => sim::run(&arguments),
         Command::List(arguments) => list::run(&arguments),
+        Command::Map(arguments) => map::run(&arguments),
         Command::New(arguments) => new::run(&arguments),
         Command::Campaign(arguments) => campaign::run(&arguments),
         Command::CampaignMerge(arguments) => campaign::merge(&arguments),
@@ -171,7 +172,6 @@ pub(crate) fn run() -> ExitCode {
         Command::Keys(arguments) => keys::run(&arguments),
         Command::Drone(arguments) => drone::run(&arguments),
         Command::Fc(arguments) => fc::run(&arguments),
-        Command::Map(arguments) => map::run(&arguments),
         Command::Schema(arguments) => schema::run(&arguments),
         Command::Completions(arguments) => completions::run(&arguments),
     };

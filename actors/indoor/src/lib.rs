@@ -1,10 +1,14 @@
-//! A drone in a building that it has a map of: maps, and where the drone is in them. Everything is pure: no clock, no file,
-//! no random source of the host.
+//! A drone in a building that it has a map of: maps, where the drone is in them, how it keeps clear of what is near, and ways.
+//! Everything is pure: no clock, no file, no random source of the host.
 
+pub mod avoidance;
+pub mod coverage;
 pub mod filter;
 pub mod frames;
 pub mod log;
 pub mod map;
+pub mod path;
+pub mod patrol;
 pub mod reading;
 pub mod refusal;
 pub mod sensor;

@@ -39,7 +39,8 @@ pub fn page(report: &Report, flight: &Flight) -> String {
 }
 
 /// A page without scripts, with the common style sheet and the additional `style`.
-pub(crate) fn document(title: &str, style: &str, content: &Markup) -> String {
+#[must_use]
+pub fn document(title: &str, style: &str, content: &Markup) -> String {
     document_with(POLICY, title, style, content)
 }
 

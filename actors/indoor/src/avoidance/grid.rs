@@ -1,0 +1,191 @@
+//! The certainty grid: how sure it is that something is near, in cells that move with the drone.
+
+/// Edge of a cell, in metres (indoor thesis, Cartesian Histogram Grid).
+pub const CELL_M: f64 = 0.05;
+/// Cells a side: the 80 of the indoor thesis, and the drone's own in the middle.
+pub const SIDE: usize = 81;
+/// Cells from the drone to the edge.
+pub(super) const REACH: i64 = SIDE as i64 / 2;
+/// Highest certainty of a cell (Borenstein and Koren, histogramic in-motion mapping, 1991).
+pub const CERTAINTY_MAX: u8 = 15;
+/// What an echo adds to a cell (same source).
+const RAISE: u8 = 3;
+/// What an echo from farther away takes from a cell (same source).
+const LOWER: u8 = 1;
+
+/// Certainties of obstacles around the drone, in a frame whose axes don't turn with the drone.
+///
+/// The drone is in the middle cell. Cells that enter as it moves are empty; cells that leave are forgotten. 6.6 kB.
+#[derive(Debug, Clone)]
+pub struct CertaintyGrid {
+    /// The drone's cell, counted from the frame's origin.
+    centre: (i64, i64),
+    /// Row by row from the lowest y, each from the lowest x.
+    cells: Vec<u8>,
+}
+
+impl CertaintyGrid {
+    /// An empty grid around a position, in metres.
+    #[must_use]
+    pub fn new((x_m, y_m): (f64, f64)) -> Self {
+        Self {
+            centre: cell_of(x_m, y_m),
+            cells: vec![0; SIDE * SIDE],
+        }
+    }
+
+    /// Moves the window to the drone's position, in metres. Cells keep their places in the frame.
+    pub fn move_to(&mut self, (x_m, y_m): (f64, f64)) {
+        let centre = cell_of(x_m, y_m);
+        let (dx, dy) = (centre.0 - self.centre.0, centre.1 - self.centre.1);
+        if (dx, dy) == (0, 0) {
+            return;
+        }
+        let old = std::mem::replace(&mut self.cells, vec![0; SIDE * SIDE]);
+        for row in -REACH..=REACH {
+            for column in -REACH..=REACH {
+                if let Some(index) = index_of(column + dx, row + dy)
+                    && let Some(to) = index_of(column, row)
+                {
+                    self.cells[to] = old[index];
+                }
+            }
+        }
+        self.centre = centre;
+    }
+
+    /// Raises the cell at a position in metres: an echo came from there. Positions outside are ignored.
+    pub fn raise(&mut self, (x_m, y_m): (f64, f64)) {
+        if let Some(index) = self.index_at(x_m, y_m) {
+            self.cells[index] = (self.cells[index] + RAISE).min(CERTAINTY_MAX);
+        }
+    }
+
+    /// Marks the cell at a position in metres as certain: the map has a wall there. Positions outside are ignored.
+    pub fn mark(&mut self, (x_m, y_m): (f64, f64)) {
+        if let Some(index) = self.index_at(x_m, y_m) {
+            self.cells[index] = CERTAINTY_MAX;
+        }
+    }
+
+    /// Lowers the cells from the drone along a bearing, up to `to_m` without the cell there: an echo came from behind them.
+    pub fn lower_along(&mut self, bearing_rad: f64, to_m: f64) {
+        let (cos, sin) = (libm::cos(bearing_rad), libm::sin(bearing_rad));
+        let mut last = None;
+        let mut distance_m = CELL_M;
+        while distance_m < to_m - CELL_M {
+            let column = (distance_m * cos / CELL_M).round() as i64;
+            let row = (distance_m * sin / CELL_M).round() as i64;
+            let Some(index) = index_of(column, row) else {
+                return;
+            };
+            if last != Some(index) {
+                self.cells[index] = self.cells[index].saturating_sub(LOWER);
+                last = Some(index);
+            }
+            distance_m += CELL_M / 2.0;
+        }
+    }
+
+    /// Lowers all cells by one: what was not heard again may have gone.
+    pub fn fade(&mut self) {
+        for cell in &mut self.cells {
+            *cell = cell.saturating_sub(LOWER);
+        }
+    }
+
+    /// Forgets everything.
+    pub fn clear(&mut self) {
+        self.cells.fill(0);
+    }
+
+    /// The certainty at a position in metres; 0 outside.
+    #[must_use]
+    pub fn certainty(&self, (x_m, y_m): (f64, f64)) -> u8 {
+        self.index_at(x_m, y_m).map_or(0, |index| self.cells[index])
+    }
+
+    /// The cells with any certainty: index and certainty.
+    pub(super) fn occupied(&self) -> impl Iterator<Item = (usize, u8)> + '_ {
+        with_certainty(&self.cells, 0)
+    }
+
+    /// As [`Self::occupied`], without the rows that are farther than `reach_m` from the drone.
+    pub(super) fn occupied_near(&self, reach_m: f64) -> impl Iterator<Item = (usize, u8)> + '_ {
+        let reach = ((reach_m / CELL_M).ceil() as i64).clamp(0, REACH);
+        let from = (REACH - reach) as usize * SIDE;
+        let to = (REACH + reach + 1) as usize * SIDE;
+        with_certainty(&self.cells[from..to], from)
+    }
+
+    fn index_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
+        let (x, y) = cell_of(x_m, y_m);
+        index_of(x - self.centre.0, y - self.centre.1)
+    }
+}
+
+/// The cells that are not 0, from index `first` on; eight empty ones cost one comparison.
+fn with_certainty(cells: &[u8], first: usize) -> impl Iterator<Item = (usize, u8)> + '_ {
+    let (chunks, rest) = cells.as_chunks::<8>();
+    let at_end = (first + chunks.len() * 8..).zip(rest.iter().copied());
+    let in_chunks = chunks
+        .iter()
+        .zip((first..).step_by(8))
+        .filter(|(chunk, _)| u64::from_ne_bytes(**chunk) != 0)
+        .flat_map(|(chunk, at)| (at..).zip(chunk.iter().copied()));
+    in_chunks
+        .chain(at_end)
+        .filter(|(_, certainty)| *certainty > 0)
+}
+
+fn cell_of(x_m: f64, y_m: f64) -> (i64, i64) {
+    ((x_m / CELL_M).floor() as i64, (y_m / CELL_M).floor() as i64)
+}
+
+/// The index of a cell by its offset from the drone's, in cells.
+fn index_of(column: i64, row: i64) -> Option<usize> {
+    let inside = column.abs() <= REACH && row.abs() <= REACH;
+    inside.then(|| ((row + REACH) as usize) * SIDE + (column + REACH) as usize)
+}
+
+/// Offset of a cell from the drone's cell, in metres.
+pub(super) fn offset_m(index: usize) -> (f64, f64) {
+    let (row, column) = ((index / SIDE) as i64, (index % SIDE) as i64);
+    (
+        (column - REACH) as f64 * CELL_M,
+        (row - REACH) as f64 * CELL_M,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_keep_their_place_while_the_window_moves() {
+        let mut grid = CertaintyGrid::new((0.01, 0.01));
+        grid.raise((1.02, 0.52));
+        for _ in 0..2 {
+            grid.move_to((0.73, -0.4));
+            assert_eq!(grid.certainty((1.02, 0.52)), RAISE);
+            assert_eq!(grid.occupied().count(), 1);
+            grid.move_to((0.01, 0.01));
+        }
+        grid.move_to((-1.2, 0.01));
+        grid.move_to((0.01, 0.01));
+        assert_eq!(grid.certainty((1.02, 0.52)), 0);
+    }
+
+    #[test]
+    fn an_echo_raises_one_cell_and_lowers_those_before_it() {
+        let mut grid = CertaintyGrid::new((0.025, 0.025));
+        for _ in 0..10 {
+            grid.raise((1.025, 0.025));
+        }
+        assert_eq!(grid.certainty((1.025, 0.025)), CERTAINTY_MAX);
+        grid.lower_along(0.0, 1.0);
+        assert_eq!(grid.certainty((1.025, 0.025)), CERTAINTY_MAX);
+        grid.lower_along(0.0, 1.5);
+        assert_eq!(grid.certainty((1.025, 0.025)), CERTAINTY_MAX - LOWER);
+    }
+}

@@ -1,0 +1,162 @@
+//! Places to look from, and the fewest of them that see all.
+
+use std::collections::VecDeque;
+
+use super::{PLACE_M, Seen, Targets, View};
+use crate::frames::{MapPose, MapXy};
+use crate::map::Cell;
+use crate::path::Floor;
+
+/// Why there is no plan.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+pub enum PlanError {
+    /// A drone can't start there: it is off the map, or too close to a wall.
+    #[error("a drone can't be at {0:?}: it is off the map, or too close to a wall")]
+    Start(MapXy),
+    /// The starts lie in parts of the map between which there is no way.
+    #[error("there is no way from {0:?} to {1:?}")]
+    Apart(MapXy, MapXy),
+    /// No start was given.
+    #[error("there is no drone")]
+    NoDrone,
+}
+
+/// The places that drones can look from, with what each sees.
+#[derive(Debug, Clone)]
+pub struct Places {
+    targets: Targets,
+    places: Vec<(MapXy, Seen)>,
+    visible: Seen,
+}
+
+impl Places {
+    /// All places of a floor that a drone can get to from the first start.
+    ///
+    /// # Errors
+    /// As [`super::plan`].
+    pub fn new(floor: &Floor, view: View, starts: &[MapXy]) -> Result<Self, PlanError> {
+        let map = floor.map();
+        let first = *starts.first().ok_or(PlanError::NoDrone)?;
+        for start in starts {
+            if !floor.is_free(*start) {
+                return Err(PlanError::Start(*start));
+            }
+        }
+        let start = map.cell(first).ok_or(PlanError::Start(first))?;
+        let reached = reachable(floor, start);
+        let is_reached = |point| {
+            let index = map.cell(point).and_then(|cell| map.index(cell));
+            index.is_some_and(|index| reached[index])
+        };
+        if let Some(apart) = starts.iter().find(|it| !is_reached(**it)) {
+            return Err(PlanError::Apart(first, *apart));
+        }
+        let targets = Targets::new(map);
+        let pitch = ((PLACE_M / map.resolution_m()).round() as usize).max(1);
+        let on_lattice =
+            |cell: &Cell| cell.column % pitch == pitch / 2 && cell.row % pitch == pitch / 2;
+        let lattice = map.cells().filter(on_lattice);
+        let points = lattice.filter(|cell| map.index(*cell).is_some_and(|index| reached[index]));
+        let points = std::iter::once(first).chain(points.map(|cell| map.centre(cell)));
+        let mut visible = Seen::none(targets.len());
+        let mut places = Vec::new();
+        for point in points {
+            let mut seen = Seen::none(targets.len());
+            let pose = MapPose {
+                at: point,
+                heading_rad: 0.0,
+            };
+            targets.look(map, pose, view.all_round(), &mut seen);
+            visible.add(&seen);
+            places.push((point, seen));
+        }
+        Ok(Self {
+            targets,
+            places,
+            visible,
+        })
+    }
+
+    /// The targets.
+    #[must_use]
+    pub const fn targets(&self) -> &Targets {
+        &self.targets
+    }
+
+    /// What can be seen.
+    #[must_use]
+    pub const fn visible(&self) -> &Seen {
+        &self.visible
+    }
+
+    /// The place that sees most of what `seen` lacks, with how much it adds; `None` if none adds anything. Among equals the
+    /// nearest to `from`.
+    #[must_use]
+    pub fn best(&self, seen: &Seen, from: MapXy) -> Option<(MapXy, usize)> {
+        let adding = self
+            .places
+            .iter()
+            .map(|(at, sees)| (*at, seen.missing(sees)));
+        let better = |a: &(MapXy, usize), b: &(MapXy, usize)| {
+            let nearer = b.0.distance_m(from).total_cmp(&a.0.distance_m(from));
+            a.1.cmp(&b.1).then(nearer)
+        };
+        adding.filter(|(_, added)| *added > 0).max_by(better)
+    }
+
+    /// The fewest places, by a greedy set cover, that see all that can be seen.
+    #[must_use]
+    pub(super) fn chosen(&self) -> Vec<MapXy> {
+        let mut seen = Seen::none(self.targets.len());
+        // What each place adds never grows, so only places that added most before are looked at again.
+        let mut bounds: Vec<usize> = self.places.iter().map(|(_, sees)| sees.len()).collect();
+        let mut chosen = Vec::new();
+        loop {
+            let mut best: Option<(usize, usize)> = None;
+            for (place, (_, sees)) in self.places.iter().enumerate() {
+                let most = best.map_or(0, |(_, added)| added);
+                if bounds[place] <= most {
+                    continue;
+                }
+                bounds[place] = seen.missing(sees);
+                if bounds[place] > most {
+                    best = Some((place, bounds[place]));
+                }
+            }
+            let Some((place, _)) = best else {
+                return chosen;
+            };
+            chosen.push(self.places[place].0);
+            seen.add(&self.places[place].1);
+        }
+    }
+}
+
+/// Which cells a drone can get to, row by row.
+fn reachable(floor: &Floor, start: Cell) -> Vec<bool> {
+    let map = floor.map();
+    let mut reached = vec![false; floor.costs().len()];
+    let mut open: VecDeque<Cell> = VecDeque::new();
+    let mut enter = |cell: Cell, open: &mut VecDeque<Cell>| {
+        if let Some(index) = map.index(cell)
+            && floor.costs()[index] > 0
+            && !reached[index]
+        {
+            reached[index] = true;
+            open.push_back(cell);
+        }
+    };
+    enter(start, &mut open);
+    while let Some(Cell { column, row }) = open.pop_front() {
+        let beside = [
+            (column.wrapping_sub(1), row),
+            (column + 1, row),
+            (column, row.wrapping_sub(1)),
+            (column, row + 1),
+        ];
+        for (column, row) in beside {
+            enter(Cell { column, row }, &mut open);
+        }
+    }
+    reached
+}

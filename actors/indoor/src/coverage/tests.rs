@@ -1,0 +1,156 @@
+use std::collections::BTreeSet;
+use std::f64::consts::FRAC_PI_2;
+use std::sync::Arc;
+
+use super::*;
+use crate::frames::MapPose;
+use crate::map::Map;
+
+const FLAT: &str = "
+########################
+#..........#...........#
+#......................#
+#......................#
+#......................#
+#..........#...........#
+####...#########...#####
+#..........#...........#
+#..........#...........#
+#..........#...........#
+#..........#...........#
+########################";
+
+const VIEW: View = View {
+    range_m: 3.0,
+    cone_rad: 1.0,
+};
+
+/// The flat, 30 cm a character in cells of 5 cm.
+fn floor() -> Floor {
+    let wide: Vec<String> = FLAT
+        .lines()
+        .flat_map(|line| {
+            let line: String = line.chars().flat_map(|it| [it; 6]).collect();
+            vec![line; 6]
+        })
+        .collect();
+    let map = Map::from_text(&wide.join("\n"), 0.05).unwrap();
+    Floor::new(Arc::new(map), 0.25)
+}
+
+const START: MapXy = MapXy::new(0.9, 2.6);
+
+fn seen_from(floor: &Floor, places: &Places, stops: &[MapXy]) -> Seen {
+    let mut seen = Seen::none(places.targets().len());
+    for stop in stops {
+        let pose = MapPose::new(stop.x_m, stop.y_m, 0.0);
+        places
+            .targets()
+            .look(floor.map(), pose, VIEW.all_round(), &mut seen);
+    }
+    seen
+}
+
+#[test]
+fn tours_see_all_that_can_be_seen() {
+    let floor = floor();
+    let (tours, places) = plan(&floor, VIEW, &[START], 2.0).unwrap();
+    let [tour] = &tours[..] else {
+        panic!("one drone")
+    };
+    let seen = seen_from(&floor, &places, &tour.stops);
+    assert_eq!(seen.missing(places.visible()), 0);
+    // All rooms are open, so nothing is hidden.
+    assert_eq!(places.visible().len(), places.targets().len());
+    assert!((3..=12).contains(&tour.stops.len()), "{}", tour.stops.len());
+}
+
+#[test]
+fn walls_hide_and_the_cone_limits_the_view() {
+    let floor = floor();
+    let targets = Targets::new(floor.map());
+    let look = |heading_rad: f64, view: View| {
+        let mut seen = Seen::none(targets.len());
+        let pose = MapPose::new(1.5, 1.0, heading_rad);
+        targets.look(floor.map(), pose, view, &mut seen);
+        (0..targets.len())
+            .filter(|it| seen.contains(*it))
+            .collect::<BTreeSet<_>>()
+    };
+    let round = look(0.0, VIEW.all_round());
+    assert!(round.iter().all(|it| targets.centre(*it).x_m < 3.5));
+    let east = look(0.0, VIEW);
+    let north = look(FRAC_PI_2, VIEW);
+    assert!(east.is_subset(&round) && !east.is_empty() && east.is_disjoint(&north));
+    let near = look(
+        0.0,
+        View {
+            range_m: 0.9,
+            ..VIEW
+        },
+    );
+    assert!(near.is_subset(&east) && near.len() < east.len());
+}
+
+#[test]
+fn shared_tours_see_all_together_and_are_about_as_long() {
+    let floor = floor();
+    let turn_m = 2.0;
+    let whole = &plan(&floor, VIEW, &[START], turn_m).unwrap().0[0];
+    let cost = |tour: &Tour| tour.length_m + turn_m * tour.stops.len() as f64;
+    for drones in 2..=3 {
+        let starts = vec![START; drones];
+        let (tours, places) = plan(&floor, VIEW, &starts, turn_m).unwrap();
+        let stops: Vec<_> = tours.iter().flat_map(|tour| tour.stops.clone()).collect();
+        assert_eq!(
+            seen_from(&floor, &places, &stops).missing(places.visible()),
+            0
+        );
+        let longest = tours.iter().map(cost).fold(0.0, f64::max);
+        assert!(longest < cost(whole), "{drones}: {longest}");
+        // The bound of splitting a tour: an equal share, and the way there.
+        let farthest = 9.0 + turn_m;
+        assert!(
+            longest <= cost(whole) / drones as f64 + farthest,
+            "{drones}: {longest}"
+        );
+        assert_eq!(tours, plan(&floor, VIEW, &starts, turn_m).unwrap().0);
+    }
+}
+
+#[test]
+fn what_no_drone_can_get_to_is_seen_through_the_gap_only() {
+    // The room on the right has a gap that is too narrow to pass.
+    let plan_text = "
+##########
+#...#....#
+#........#
+#...#....#
+##########";
+    let wide: Vec<String> = plan_text
+        .lines()
+        .flat_map(|line| {
+            let line: String = line.chars().flat_map(|it| [it; 8]).collect();
+            vec![line; 8]
+        })
+        .collect();
+    let map = Map::from_text(&wide.join("\n"), 0.05).unwrap();
+    let floor = Floor::new(Arc::new(map), 0.3);
+    let (_, places) = plan(&floor, VIEW, &[MapXy::new(1.0, 1.0)], 2.0).unwrap();
+    let (visible, all) = (places.visible().len(), places.targets().len());
+    assert!(visible < all && visible > all / 3, "{visible} of {all}");
+}
+
+#[test]
+fn starts_in_walls_or_apart_are_refused() {
+    let floor = floor();
+    let wall = MapXy::new(0.1, 0.1);
+    assert_eq!(
+        plan(&floor, VIEW, &[wall], 2.0).unwrap_err(),
+        PlanError::Start(wall)
+    );
+    assert_eq!(
+        plan(&floor, VIEW, &[], 2.0).unwrap_err(),
+        PlanError::NoDrone
+    );
+}

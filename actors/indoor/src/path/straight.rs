@@ -1,0 +1,72 @@
+//! Straight legs instead of cells: corners of a way are left out as long as that costs no more (string pulling).
+
+use super::STRAIGHT;
+use super::floor::Floor;
+use crate::frames::MapXy;
+use crate::map::Cell;
+
+/// Cells along a leg at which its cost is looked up.
+const PER_CELL: f64 = 2.0;
+/// Share by which a straight leg may cost more than the cells that it replaces: these can turn by 45° only.
+const DEARER: f64 = 1.05;
+
+/// The corners of the legs that replace a way of cells.
+///
+/// Corners are left out from the front, each time the most by doubling and halving: a way of n cells takes about n · log n.
+pub(super) fn legs(floor: &Floor, cells: &[Cell]) -> Vec<MapXy> {
+    let map = floor.map();
+    let points: Vec<MapXy> = cells.iter().map(|cell| map.centre(*cell)).collect();
+    let mut spent = vec![0.0];
+    for pair in points.windows(2) {
+        let so_far = spent[spent.len() - 1];
+        let cost = leg_cost(floor, pair[0], pair[1]).unwrap_or(f64::INFINITY);
+        spent.push(so_far + cost);
+    }
+    let mut corners = vec![points[0]];
+    let mut at = 0;
+    while at + 1 < points.len() {
+        let is_fit = |to: usize| {
+            let allowed = (spent[to] - spent[at]) * DEARER + 1e-9;
+            leg_cost(floor, points[at], points[to]).is_some_and(|cost| cost <= allowed)
+        };
+        let last = points.len() - 1;
+        let mut step = 1;
+        let mut to = at + 1;
+        while to + step <= last && is_fit(to + step) {
+            to += step;
+            step *= 2;
+        }
+        while step > 0 {
+            if to + step <= last && is_fit(to + step) {
+                to += step;
+            }
+            step /= 2;
+        }
+        at = to;
+        corners.push(points[at]);
+    }
+    corners
+}
+
+/// The cost of a straight leg; `None` if it touches a cell where the drone can't be.
+fn leg_cost(floor: &Floor, from: MapXy, to: MapXy) -> Option<f64> {
+    let map = floor.map();
+    let length_m = from.distance_m(to);
+    let steps = (length_m / map.resolution_m() * PER_CELL).ceil().max(1.0);
+    let mut sum = 0.0;
+    for step in 0..=steps as usize {
+        let share = step as f64 / steps;
+        let point = MapXy::new(
+            from.x_m + (to.x_m - from.x_m) * share,
+            from.y_m + (to.y_m - from.y_m) * share,
+        );
+        let index = map.cell(point).and_then(|cell| map.index(cell))?;
+        let cost = floor.costs()[index];
+        if cost == 0 {
+            return None;
+        }
+        sum += f64::from(cost);
+    }
+    let mean = sum / (steps + 1.0);
+    Some(mean * length_m / map.resolution_m() * f64::from(STRAIGHT))
+}

@@ -1,0 +1,111 @@
+use std::sync::Arc;
+
+use super::*;
+use crate::frames::MapXy;
+use crate::map::Map;
+
+const ROOMS: &str = "
+####################
+#.........#........#
+#.........#........#
+#.........#........#
+#..................#
+#.........#........#
+#.........#........#
+####################";
+
+/// The plan with cells of 5 cm, 25 cm for a character.
+fn map(plan: &str) -> Arc<Map> {
+    let wide: Vec<String> = plan
+        .lines()
+        .flat_map(|line| {
+            let line: String = line.chars().flat_map(|it| [it; 5]).collect();
+            vec![line; 5]
+        })
+        .collect();
+    Arc::new(Map::from_text(&wide.join("\n"), 0.05).unwrap())
+}
+
+fn length_m(way: &[MapXy]) -> f64 {
+    way.windows(2).map(|pair| pair[0].distance_m(pair[1])).sum()
+}
+
+#[test]
+fn the_way_leads_through_the_middle_of_the_door() {
+    let floor = Floor::new(map(ROOMS), 0.1);
+    let way = floor
+        .way(MapXy::new(0.6, 0.6), MapXy::new(4.5, 1.6))
+        .unwrap();
+    let door = MapXy::new(2.625, 0.875);
+    let crosses = way
+        .windows(2)
+        .find(|leg| leg[0].x_m < door.x_m && leg[1].x_m >= door.x_m);
+    let leg = crosses.expect("the way passes the door");
+    let share = (door.x_m - leg[0].x_m) / (leg[1].x_m - leg[0].x_m);
+    let y_m = leg[0].y_m + share * (leg[1].y_m - leg[0].y_m);
+    assert!((y_m - door.y_m).abs() < 0.06, "{y_m}");
+    assert!(way.len() <= 7, "{way:?}");
+    assert!(length_m(&way) < 4.5, "{}", length_m(&way));
+}
+
+#[test]
+fn a_door_that_is_too_narrow_is_no_way() {
+    let (from, to) = (MapXy::new(0.6, 0.6), MapXy::new(4.5, 1.6));
+    assert_eq!(Floor::new(map(ROOMS), 0.2).way(from, to), None);
+    assert_eq!(
+        Floor::new(map(ROOMS), 0.1).way(from, MapXy::new(9.0, 9.0)),
+        None
+    );
+}
+
+#[test]
+fn an_obstacle_in_the_only_door_leaves_no_way() {
+    let floor = Floor::new(map(ROOMS), 0.1);
+    let (from, to) = (MapXy::new(0.6, 0.6), MapXy::new(4.5, 1.6));
+    let mut obstacles = Obstacles::default();
+    obstacles.add(MapXy::new(2.6, 0.9), 0.3);
+    assert_eq!(floor.without(&obstacles).way(from, to), None);
+    assert!(floor.way(from, to).is_some());
+}
+
+#[test]
+fn a_paused_search_finds_the_same_way() {
+    let floor = Floor::new(map(ROOMS), 0.1);
+    let (from, to) = (MapXy::new(0.6, 0.6), MapXy::new(4.5, 1.6));
+    let cell = |point| floor.map().cell(point).unwrap();
+    let mut search = Search::new(&floor, cell(from), cell(to));
+    let mut pauses = 0;
+    let found = loop {
+        match search.advance(&floor, 10) {
+            Found::NotYet => pauses += 1,
+            found => break found,
+        }
+    };
+    assert!(pauses > 10, "{pauses}");
+    assert_eq!(found, Found::Way(floor.way(from, to).unwrap()));
+}
+
+#[test]
+fn straight_legs_are_as_short_as_the_room_allows() {
+    let empty = "
+##########
+#........#
+#........#
+#........#
+#........#
+##########";
+    let floor = Floor::new(map(empty), 0.05);
+    let (from, to) = (MapXy::new(0.7, 0.7), MapXy::new(1.9, 0.8));
+    let way = floor.way(from, to).unwrap();
+    assert!(length_m(&way) < 1.02 * from.distance_m(to), "{way:?}");
+}
+
+#[test]
+fn obstacles_are_bounded_and_the_oldest_goes() {
+    let mut obstacles = Obstacles::default();
+    for at in 0..=Obstacles::MAX {
+        obstacles.add(MapXy::new(at as f64, 0.0), 0.1);
+    }
+    assert!(!obstacles.cover(MapXy::new(0.0, 0.0)));
+    assert!(obstacles.cover(MapXy::new(Obstacles::MAX as f64, 0.0)));
+}

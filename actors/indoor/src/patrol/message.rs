@@ -1,0 +1,97 @@
+use nalgebra::Matrix3;
+
+use crate::coverage::Seen;
+use crate::frames::{MapPose, MapXy, Motion};
+use crate::reading::Reading;
+
+/// Input of a patrol.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Input {
+    /// How the drone moved since the last such input.
+    Odometry(Motion),
+    /// A sensor's measurement.
+    Range(Reading),
+}
+
+/// Output of a patrol.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Transmit {
+    /// The velocity to fly until the next one comes.
+    Velocity(Velocity),
+}
+
+/// A velocity in the body frame.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct Velocity {
+    /// Forward, in m/s.
+    pub forward_mps: f64,
+    /// To the left, in m/s.
+    pub left_mps: f64,
+    /// Turn rate counter-clockwise, in rad/s.
+    pub turn_rps: f64,
+}
+
+impl Velocity {
+    /// Speed over the floor, in m/s.
+    #[must_use]
+    pub fn speed_mps(self) -> f64 {
+        libm::hypot(self.forward_mps, self.left_mps)
+    }
+}
+
+/// Event of a patrol.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Event {
+    /// Where the drone is, and from where a restarted patrol goes on.
+    Checkpoint(Box<Checkpoint>),
+    /// What remains to be seen.
+    Remaining(Remaining),
+    /// A sonar began to fail, or works again.
+    Sonar(SonarChange),
+    /// A stop can't be reached.
+    GivenUp(MapXy),
+}
+
+/// From where a restarted patrol goes on. It has no particles: they are drawn again around the pose.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Checkpoint {
+    /// Pose on the map.
+    pub pose: MapPose,
+    /// Covariance of x, y (m²) and heading (rad²).
+    pub covariance: Matrix3<f64>,
+    /// Whether the pose is not to be believed.
+    pub is_lost: bool,
+    /// What was seen.
+    pub seen: Seen,
+}
+
+/// What remains to be seen.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Remaining {
+    /// Targets that can be seen and were not.
+    pub unseen: usize,
+    /// Targets that can be seen.
+    pub visible: usize,
+    /// Whether the patrol has ended.
+    pub is_done: bool,
+}
+
+/// What is wrong with a sonar.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Fault {
+    /// It doesn't answer.
+    Dead,
+    /// It reports something right before it, where nothing can be.
+    Stuck,
+    /// It hears nothing where the map has a wall: glass, or cloth.
+    Deaf,
+}
+
+/// A sonar began to fail, or works again.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct SonarChange {
+    /// Its place among the configured.
+    pub sonar: usize,
+    /// `None` if it works again.
+    pub fault: Option<Fault>,
+}

@@ -1,0 +1,159 @@
+//! The machine that patrols a floor: it keeps track of where the drone is, of what it has seen, flies to what it has not, and
+//! keeps clear of what is near.
+//!
+//! In: ranges and odometry. Out: a velocity, ten times a second; the pose with its covariance, what remains to be seen, and
+//! which sonars fail. A step takes less than 2 ms; a long search for a way goes on in the next steps.
+
+mod config;
+mod flight;
+mod guard;
+mod message;
+mod place;
+mod route;
+mod sonars;
+#[cfg(test)]
+mod tests;
+
+use std::collections::VecDeque;
+
+use muster_machines::machine::{Machine, Output};
+use muster_machines::time::Timestamp;
+
+pub use self::config::{Config, PERIOD, THESIS_SONARS, thesis_sonars};
+pub use self::message::{
+    Checkpoint, Event, Fault, Input, Remaining, SonarChange, Transmit, Velocity,
+};
+
+use self::flight::Flight;
+use self::place::Place;
+use self::route::{Order, Route};
+use self::sonars::Sonars;
+use crate::coverage::Seen;
+use crate::reading::Reading;
+
+/// Most readings that wait for the next step; the oldest goes first.
+const READINGS_MAX: usize = 64;
+
+/// A patrol of one drone.
+#[derive(Debug)]
+pub struct Patrol {
+    config: Config,
+    place: Place,
+    sonars: Sonars,
+    flight: Flight,
+    route: Route,
+    seen: Seen,
+    readings: VecDeque<Reading>,
+    next: Timestamp,
+    outbox: VecDeque<Output<Transmit, Event>>,
+}
+
+impl Patrol {
+    /// A patrol that begins at `now`, or goes on from a checkpoint.
+    #[must_use]
+    pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<&Checkpoint>) -> Self {
+        let targets = config.places.targets().len();
+        let seen = checkpoint.map_or_else(|| Seen::none(targets), |it| it.seen.clone());
+        Self {
+            place: Place::new(&config, seed, checkpoint),
+            sonars: Sonars::new(&config),
+            flight: Flight::new(&config),
+            route: Route::new(&config),
+            seen,
+            readings: VecDeque::new(),
+            next: now + PERIOD,
+            outbox: VecDeque::new(),
+            config,
+        }
+    }
+
+    fn event(&mut self, event: Event) {
+        self.outbox.push_back(Output::Event(event));
+    }
+
+    fn tick(&mut self, now: Timestamp) {
+        let readings: Vec<Reading> = self.readings.drain(..).collect();
+        let before = self.place.odometry();
+        for change in self
+            .sonars
+            .judge(now, &self.config, self.place.pose(), &readings)
+        {
+            self.event(Event::Sonar(change));
+        }
+        let trusted: Vec<Reading> = readings
+            .into_iter()
+            .filter(|reading| self.sonars.is_trusted(reading))
+            .collect();
+        self.place.step(now, &trusted);
+        self.flight
+            .sense(&self.config, &self.place, &trusted, before);
+        let pose = self.place.pose();
+        if !self.place.is_lost() {
+            let (map, view) = (self.config.floor.map(), self.config.view);
+            self.config
+                .places
+                .targets()
+                .look(map, pose, view, &mut self.seen);
+        }
+        let order = self.route.next(now, &self.config, &self.place, &self.seen);
+        if let Order::GiveUp(stop) = order {
+            self.event(Event::GivenUp(stop));
+        }
+        if self.route.was_blocked() {
+            self.flight.forget();
+        }
+        let velocity = self
+            .flight
+            .velocity(now, &self.config, &self.place, &self.sonars, &order);
+        self.outbox
+            .push_back(Output::Transmit(Transmit::Velocity(velocity)));
+        self.report(order == Order::Done);
+    }
+
+    fn report(&mut self, is_done: bool) {
+        let visible = self.config.places.visible();
+        self.event(Event::Remaining(Remaining {
+            unseen: self.seen.missing(visible),
+            visible: visible.len(),
+            is_done,
+        }));
+        let checkpoint = Checkpoint {
+            pose: self.place.pose(),
+            covariance: self.place.covariance(),
+            is_lost: self.place.is_lost(),
+            seen: self.seen.clone(),
+        };
+        self.event(Event::Checkpoint(Box::new(checkpoint)));
+    }
+}
+
+impl Machine for Patrol {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+
+    fn handle_input(&mut self, _now: Timestamp, input: Input) {
+        match input {
+            Input::Odometry(motion) => self.place.moved(motion),
+            Input::Range(reading) => {
+                if self.readings.len() == READINGS_MAX {
+                    self.readings.pop_front();
+                }
+                self.readings.push_back(reading);
+            }
+        }
+    }
+
+    fn handle_timeout(&mut self, now: Timestamp) {
+        if now >= self.next {
+            self.next = self.next.next_period(PERIOD, now);
+            self.tick(now);
+        }
+    }
+
+    fn poll_output(&mut self) -> Output<Transmit, Event> {
+        self.outbox.pop_front().unwrap_or(Output::Idle {
+            deadline: Some(self.next),
+        })
+    }
+}

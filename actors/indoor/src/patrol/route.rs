@@ -1,0 +1,341 @@
+//! Which stop is next, the way there, and what to do when it is blocked.
+
+use std::collections::VecDeque;
+use std::time::Duration;
+
+use muster_machines::time::Timestamp;
+
+use super::config::Config;
+use super::place::Place;
+use crate::coverage::Seen;
+use crate::frames::{MapPose, MapXy};
+use crate::path::{Floor, Found, Obstacles, Search};
+
+/// Cells that a step's search expands at most: below a millisecond.
+const CELLS_A_STEP: usize = 4_000;
+/// A stop is reached within this distance, in metres.
+const ARRIVED_M: f64 = 0.3;
+/// Distance along the way of the point that is flown to, in metres.
+const AHEAD_M: f64 = 0.7;
+/// A drone that gets no nearer to its stop for so long is blocked.
+const BLOCKED_AFTER: Duration = Duration::from_secs(4);
+/// Progress that counts, in metres.
+const PROGRESS_M: f64 = 0.15;
+/// Where the way is taken to be blocked: so far ahead, and so wide, in metres.
+const BLOCK_AHEAD_M: f64 = 0.7;
+const BLOCK_RADIUS_M: f64 = 0.4;
+/// Blocked places are tried again after this time.
+const FORGET_AFTER: Duration = Duration::from_secs(8);
+/// Times that a stop is tried before it is given up, and after which others come first: people mostly walk on.
+const TRIES_MAX: u32 = 9;
+const TRIES_BEFORE_OTHERS: u32 = 3;
+/// Time to wait where there is no way at all.
+const PATIENCE: Duration = Duration::from_secs(2);
+/// Stops that may be added at the end for what is still unseen.
+const EXTRA_MAX: usize = 40;
+/// Distance from the way at which it is planned anew, in metres.
+const ASTRAY_M: f64 = 0.8;
+/// Distance within which a way may begin beside the drone, in metres.
+const BESIDE_M: f64 = 0.6;
+
+/// What the drone is to do next.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Order {
+    /// Fly towards a point; the stop is `left_m` metres away.
+    Fly { to: MapXy, left_m: f64 },
+    /// Turn on the spot.
+    Look,
+    /// Hover.
+    Wait,
+    /// Hover; this stop is given up.
+    GiveUp(MapXy),
+    /// Hover; all is done.
+    Done,
+}
+
+#[derive(Debug)]
+enum Phase {
+    /// Between stops.
+    Choosing,
+    /// A search for the way; the floor is without the obstacles of its start.
+    Searching(Box<(Floor, Search)>),
+    Flying(Vec<MapXy>),
+    /// Looking round: what is left to turn, in radians.
+    Looking(f64),
+    Waiting(Timestamp),
+    Done,
+}
+
+#[derive(Debug)]
+struct Stop {
+    at: MapXy,
+    tries: u32,
+}
+
+#[derive(Debug)]
+pub(super) struct Route {
+    stops: VecDeque<Stop>,
+    extra: usize,
+    /// What was seen, or tried to be seen from extra stops.
+    tried: Seen,
+    phase: Phase,
+    obstacles: Obstacles,
+    /// When the last obstacle was added.
+    blocked_at: Timestamp,
+    /// The least distance to the stop, and when it was reached.
+    nearest: (f64, Timestamp),
+    heading_rad: f64,
+    blocked_now: bool,
+}
+
+impl Route {
+    pub(super) fn new(config: &Config) -> Self {
+        let stops = config.stops.iter().map(|at| Stop { at: *at, tries: 0 });
+        Self {
+            stops: stops.collect(),
+            extra: 0,
+            tried: Seen::none(config.places.targets().len()),
+            phase: Phase::Choosing,
+            obstacles: Obstacles::default(),
+            blocked_at: Timestamp::ZERO,
+            nearest: (f64::INFINITY, Timestamp::ZERO),
+            heading_rad: config.start.heading_rad,
+            blocked_now: false,
+        }
+    }
+
+    /// Whether the way turned out to be blocked in the last step.
+    pub(super) const fn was_blocked(&self) -> bool {
+        self.blocked_now
+    }
+
+    /// The next order.
+    pub(super) fn next(
+        &mut self,
+        now: Timestamp,
+        config: &Config,
+        place: &Place,
+        seen: &Seen,
+    ) -> Order {
+        self.blocked_now = false;
+        if !self.obstacles.is_empty() && now.since(self.blocked_at) > FORGET_AFTER {
+            self.obstacles.clear();
+        }
+        let pose = place.pose();
+        let turned = crate::frames::wrapped_rad(pose.heading_rad - self.heading_rad);
+        self.heading_rad = pose.heading_rad;
+        match &mut self.phase {
+            Phase::Done => Order::Done,
+            Phase::Choosing => self.choose(now, config, pose, seen),
+            Phase::Searching(search) => {
+                let (floor, search) = &mut **search;
+                match search.advance(floor, CELLS_A_STEP) {
+                    Found::NotYet => Order::Wait,
+                    Found::Nothing => self.no_way(now),
+                    Found::Way(way) => {
+                        self.nearest = (f64::INFINITY, now);
+                        self.phase = Phase::Flying(way);
+                        self.fly(now, config, pose, seen)
+                    }
+                }
+            }
+            Phase::Flying(_) => self.fly(now, config, pose, seen),
+            Phase::Looking(left_rad) => {
+                *left_rad -= turned.abs();
+                if *left_rad <= 0.0 || adds(config, pose, seen) == 0 {
+                    self.stops.pop_front();
+                    self.phase = Phase::Choosing;
+                }
+                Order::Look
+            }
+            Phase::Waiting(until) => {
+                if now >= *until {
+                    self.phase = Phase::Choosing;
+                }
+                Order::Wait
+            }
+        }
+    }
+
+    /// Begins with the next stop that shows something new; after the last, with the place that shows most.
+    fn choose(&mut self, now: Timestamp, config: &Config, pose: MapPose, seen: &Seen) -> Order {
+        while let Some(stop) = self.stops.front() {
+            if adds(config, at(stop.at), seen) > 0 {
+                return self.search(now, config, pose);
+            }
+            self.stops.pop_front();
+        }
+        self.tried.add(seen);
+        let best = config.places.best(&self.tried, pose.at);
+        match best.filter(|_| self.extra < EXTRA_MAX) {
+            Some((place, _)) => {
+                self.extra += 1;
+                self.stops.push_back(Stop {
+                    at: place,
+                    tries: 0,
+                });
+                // What isn't seen from there either is not tried again.
+                let (map, view) = (config.floor.map(), config.view.all_round());
+                let targets = config.places.targets();
+                targets.look(map, at(place), view, &mut self.tried);
+                self.search(now, config, pose)
+            }
+            None => {
+                self.phase = Phase::Done;
+                Order::Done
+            }
+        }
+    }
+
+    fn search(&mut self, now: Timestamp, config: &Config, pose: MapPose) -> Order {
+        let Some(stop) = self.stops.front() else {
+            return Order::Wait;
+        };
+        let floor = config.floor.without(&self.obstacles);
+        let start = floor.nearest_free(pose.at, BESIDE_M);
+        let goal = floor.nearest_free(stop.at, BESIDE_M);
+        let (Some(start), Some(goal)) = (start, goal) else {
+            return self.no_way(now);
+        };
+        let search = Search::new(&floor, start, goal);
+        self.phase = Phase::Searching(Box::new((floor, search)));
+        Order::Wait
+    }
+
+    fn fly(&mut self, now: Timestamp, config: &Config, pose: MapPose, seen: &Seen) -> Order {
+        let (Some(stop), Phase::Flying(way)) = (self.stops.front(), &self.phase) else {
+            return Order::Wait;
+        };
+        let (astray_m, at) = along(way, pose.at);
+        let left_m = length_from(way, at);
+        if left_m < ARRIVED_M && astray_m < ARRIVED_M {
+            self.phase = Phase::Looking(config.look_rad());
+            return Order::Look;
+        }
+        if adds(config, self::at(stop.at), seen) == 0 {
+            self.stops.pop_front();
+            self.phase = Phase::Choosing;
+            return Order::Wait;
+        }
+        if astray_m > ASTRAY_M {
+            return self.search(now, config, pose);
+        }
+        if left_m < self.nearest.0 - PROGRESS_M {
+            self.nearest = (left_m, now);
+        } else if now.since(self.nearest.1) > BLOCKED_AFTER {
+            let ahead = point_at(way, at, BLOCK_AHEAD_M);
+            return self.blocked(now, config, pose, ahead);
+        }
+        Order::Fly {
+            to: point_at(way, at, AHEAD_M),
+            left_m,
+        }
+    }
+
+    /// The way is blocked ahead: another way is tried, then other stops first.
+    fn blocked(&mut self, now: Timestamp, config: &Config, pose: MapPose, ahead: MapXy) -> Order {
+        self.blocked_now = true;
+        self.obstacles.add(ahead, BLOCK_RADIUS_M);
+        self.blocked_at = now;
+        match self.tried() {
+            Some(stop) => Order::GiveUp(stop),
+            None => self.search(now, config, pose),
+        }
+    }
+
+    /// There is no way: the drone waits; after some tries, other stops come first.
+    fn no_way(&mut self, now: Timestamp) -> Order {
+        self.obstacles.clear();
+        let given_up = self.tried();
+        let tries = self.stops.front().map_or(0, |stop| stop.tries);
+        if given_up.is_none() && tries.is_multiple_of(TRIES_BEFORE_OTHERS) {
+            self.stops.rotate_left(1.min(self.stops.len()));
+        }
+        self.phase = Phase::Waiting(now + PATIENCE);
+        given_up.map_or(Order::Wait, Order::GiveUp)
+    }
+
+    /// Counts a try of the present stop; the stop, if it is given up.
+    fn tried(&mut self) -> Option<MapXy> {
+        let stop = self.stops.front_mut()?;
+        stop.tries += 1;
+        if stop.tries < TRIES_MAX {
+            return None;
+        }
+        self.phase = Phase::Choosing;
+        let given_up = self.stops.pop_front();
+        given_up.map(|stop| stop.at)
+    }
+}
+
+impl Config {
+    /// How far the drone turns to see all round, in radians.
+    fn look_rad(&self) -> f64 {
+        std::f64::consts::TAU + 0.2
+    }
+}
+
+fn at(point: MapXy) -> MapPose {
+    MapPose {
+        at: point,
+        heading_rad: 0.0,
+    }
+}
+
+/// How many targets a full turn at a pose would add.
+fn adds(config: &Config, pose: MapPose, seen: &Seen) -> usize {
+    let mut after = seen.clone();
+    let view = config.view.all_round();
+    let places = &config.places;
+    places
+        .targets()
+        .look(config.floor.map(), pose, view, &mut after);
+    let before = seen.missing(places.visible());
+    before - after.missing(places.visible())
+}
+
+/// Distance from a way, and the place on it: leg and metres along that.
+fn along(way: &[MapXy], from: MapXy) -> (f64, (usize, f64)) {
+    let mut best = (f64::INFINITY, (0, 0.0));
+    for (leg, ends) in way.windows(2).enumerate() {
+        let length_m = ends[0].distance_m(ends[1]);
+        let (dx, dy) = (ends[1].x_m - ends[0].x_m, ends[1].y_m - ends[0].y_m);
+        let dot = (from.x_m - ends[0].x_m) * dx + (from.y_m - ends[0].y_m) * dy;
+        let along_m = (dot / length_m.max(1e-9)).clamp(0.0, length_m);
+        let away_m = from.distance_m(on_leg(ends[0], ends[1], along_m));
+        // Of places equally near, the later one: the drone has passed the others.
+        if away_m <= best.0 {
+            best = (away_m, (leg, along_m));
+        }
+    }
+    if way.len() < 2 {
+        best.0 = way.first().map_or(0.0, |only| from.distance_m(*only));
+    }
+    best
+}
+
+fn on_leg(from: MapXy, to: MapXy, along_m: f64) -> MapXy {
+    from.towards(from.bearing_rad(to), along_m)
+}
+
+/// Length of a way from a place on it, in metres.
+fn length_from(way: &[MapXy], (leg, along_m): (usize, f64)) -> f64 {
+    let rest = way
+        .windows(2)
+        .skip(leg)
+        .map(|ends| ends[0].distance_m(ends[1]));
+    rest.sum::<f64>() - along_m
+}
+
+/// The point `ahead_m` metres along a way from a place on it.
+fn point_at(way: &[MapXy], (leg, along_m): (usize, f64), ahead_m: f64) -> MapXy {
+    let mut left_m = along_m + ahead_m;
+    for ends in way.windows(2).skip(leg) {
+        let length_m = ends[0].distance_m(ends[1]);
+        if left_m <= length_m {
+            return on_leg(ends[0], ends[1], left_m);
+        }
+        left_m -= length_m;
+    }
+    way[way.len() - 1]
+}

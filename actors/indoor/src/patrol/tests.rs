@@ -1,0 +1,247 @@
+use std::sync::Arc;
+use std::time::Duration;
+
+use muster_machines::machine::{Emitted, Stimulus, step};
+
+use super::*;
+use crate::avoidance::{Limits, Method};
+use crate::coverage::{self, View};
+use crate::frames::{MapPose, Motion};
+use crate::map::Map;
+use crate::path::Floor;
+use crate::reading::Echo;
+
+/// A room of 4 × 3 m in cells of 5 cm.
+fn config() -> Config {
+    let line = |row: usize| -> String {
+        let cells = (0..80).map(|column| {
+            let is_wall = row == 0 || row == 59 || column == 0 || column == 79;
+            if is_wall { '#' } else { '.' }
+        });
+        cells.collect()
+    };
+    let text: Vec<String> = (0..60).map(line).collect();
+    let map = Arc::new(Map::from_text(&text.join("\n"), 0.05).unwrap());
+    let limits = Limits {
+        radius_m: 0.25,
+        speed_max_mps: 0.5,
+        turn_rate_max_rps: 1.5,
+    };
+    let floor = Floor::new(Arc::clone(&map), limits.radius_m);
+    let view = View {
+        range_m: 1.0,
+        cone_rad: 1.0,
+    };
+    let start = MapPose::new(1.0, 1.5, 0.0);
+    let (tours, places) = coverage::plan(&floor, view, &[start.at], 3.0).unwrap();
+    Config {
+        floor,
+        places: Arc::new(places),
+        tables: Config::tables_of(&map).unwrap(),
+        stops: tours[0].stops.clone(),
+        view,
+        start,
+        sonars: thesis_sonars(),
+        method: Method::VfhPlus,
+        limits,
+        acceleration_mps2: 1.0,
+    }
+}
+
+/// A patrol with a drone that does what it is told at once.
+struct Bench {
+    patrol: Patrol,
+    pose: MapPose,
+    velocity: Velocity,
+    events: Vec<Event>,
+    steps: u64,
+    sonars: Vec<crate::reading::Mounting>,
+    map: Arc<Map>,
+}
+
+impl Bench {
+    fn new(config: &Config) -> Self {
+        Self {
+            patrol: Patrol::new(config.clone(), 1, Timestamp::ZERO, None),
+            pose: config.start,
+            velocity: Velocity::default(),
+            events: Vec::new(),
+            steps: 0,
+            sonars: config.sonars.clone(),
+            map: Arc::clone(config.floor.map()),
+        }
+    }
+
+    fn feed(&mut self, now: Timestamp, stimulus: Stimulus<Input>) {
+        let (velocity, events) = (&mut self.velocity, &mut self.events);
+        step(&mut self.patrol, now, stimulus, |output| match output {
+            Emitted::Transmit(Transmit::Velocity(it)) => *velocity = it,
+            Emitted::Event(event) => events.push(event),
+        });
+    }
+
+    /// A period: motion, readings of the sonars that `hears` lets through, a decision.
+    fn step(&mut self, mut hears: impl FnMut(usize, Echo) -> Option<Echo>) {
+        self.steps += 1;
+        let now = Timestamp::ZERO + PERIOD * self.steps as u32;
+        let dt_s = PERIOD.as_secs_f64();
+        let motion = Motion {
+            forward_m: self.velocity.forward_mps * dt_s,
+            left_m: self.velocity.left_mps * dt_s,
+            turn_rad: self.velocity.turn_rps * dt_s,
+        };
+        self.pose = self.pose.moved(motion);
+        self.feed(now, Stimulus::Input(Input::Odometry(motion)));
+        for (place, mounting) in self.sonars.clone().into_iter().enumerate() {
+            let wall = sonars::expected_m(&self.map, self.pose, &mounting);
+            let echo = wall.map_or(Echo::Silence, Echo::At);
+            if let Some(echo) = hears(place, echo) {
+                let taken = Duration::from_nanos(now.as_nanos());
+                let reading = Reading {
+                    mounting,
+                    echo,
+                    taken,
+                    expires: taken + Duration::from_millis(300),
+                };
+                self.feed(now, Stimulus::Input(Input::Range(reading)));
+            }
+        }
+        self.feed(now, Stimulus::Timeout);
+    }
+
+    fn faults(&self) -> Vec<SonarChange> {
+        let changes = self.events.iter().filter_map(|event| match event {
+            Event::Sonar(change) => Some(*change),
+            _ => None,
+        });
+        changes.collect()
+    }
+
+    fn last_checkpoint(&self) -> Checkpoint {
+        let last = self.events.iter().rev().find_map(|event| match event {
+            Event::Checkpoint(checkpoint) => Some((**checkpoint).clone()),
+            _ => None,
+        });
+        last.unwrap()
+    }
+
+    fn is_done(&self) -> bool {
+        self.events
+            .iter()
+            .any(|event| matches!(event, Event::Remaining(it) if it.is_done))
+    }
+}
+
+#[test]
+fn a_room_is_seen_and_the_patrol_ends() {
+    let mut bench = Bench::new(&config());
+    while !bench.is_done() && bench.steps < 3_000 {
+        bench.step(|_, echo| Some(echo));
+    }
+    assert!(bench.is_done());
+    let visible = bench.patrol.config.places.visible();
+    let unseen = bench.patrol.seen.missing(visible);
+    assert!(
+        unseen * 100 <= visible.len(),
+        "{unseen} of {}",
+        visible.len()
+    );
+    assert_eq!(bench.faults(), []);
+}
+
+/// A defect of the indoor thesis's code: bad input replayed the last sticks for ever.
+#[test]
+fn silent_sensors_do_not_repeat_the_last_velocity() {
+    let mut bench = Bench::new(&config());
+    while bench.velocity.speed_mps() < 0.3 {
+        bench.step(|_, echo| Some(echo));
+        assert!(bench.steps < 1_000);
+    }
+    for _ in 0..5 {
+        bench.step(|_, _| None);
+    }
+    assert!(bench.velocity.speed_mps() < 1e-9);
+}
+
+#[test]
+fn failing_sonars_are_found_within_two_seconds() {
+    let cases: [(Fault, fn(Echo) -> Option<Echo>); 3] = [
+        (Fault::Dead, |_| None),
+        (Fault::Stuck, |_| Some(Echo::At(0.05))),
+        (Fault::Deaf, |_| Some(Echo::Silence)),
+    ];
+    for (fault, hear) in cases {
+        for sonar in 0..5 {
+            let mut bench = Bench::new(&config());
+            for _ in 0..50 {
+                bench.step(|_, echo| Some(echo));
+            }
+            for _ in 0..20 {
+                bench.step(|place, echo| {
+                    if place == sonar {
+                        hear(echo)
+                    } else {
+                        Some(echo)
+                    }
+                });
+            }
+            let change = SonarChange {
+                sonar,
+                fault: Some(fault),
+            };
+            assert_eq!(bench.faults(), [change], "{fault:?}");
+        }
+    }
+}
+
+#[test]
+fn a_sonar_that_works_again_is_believed_again() {
+    let mut bench = Bench::new(&config());
+    for (steps, works) in [(30, true), (20, false), (60, true)] {
+        for _ in 0..steps {
+            bench.step(|place, echo| (works || place != 2).then_some(echo));
+        }
+    }
+    let faults: Vec<_> = bench.faults().into_iter().map(|it| it.fault).collect();
+    assert_eq!(faults, [Some(Fault::Dead), None]);
+}
+
+#[test]
+fn without_sonars_nothing_moves() {
+    let mut bench = Bench::new(&config());
+    for _ in 0..100 {
+        bench.step(|_, _| None);
+        assert!(bench.velocity.speed_mps() < 1e-9);
+    }
+}
+
+#[test]
+fn a_restarted_patrol_goes_on_from_pose_covariance_and_what_was_seen() {
+    let config = config();
+    let mut bench = Bench::new(&config);
+    for _ in 0..300 {
+        bench.step(|_, echo| Some(echo));
+    }
+    let checkpoint = bench.last_checkpoint();
+    assert!(checkpoint.pose.at.distance_m(bench.pose.at) < 0.2);
+    let now = Timestamp::ZERO + PERIOD * 300;
+    let restarted = Patrol::new(config, 2, now, Some(&checkpoint));
+    assert!(restarted.place.pose().at.distance_m(bench.pose.at) < 0.2);
+    assert_eq!(restarted.seen, bench.patrol.seen);
+}
+
+#[test]
+fn readings_that_wait_are_bounded() {
+    let mut bench = Bench::new(&config());
+    let mounting = bench.sonars[0];
+    for _ in 0..10 * READINGS_MAX {
+        let reading = Reading {
+            mounting,
+            echo: Echo::Silence,
+            taken: Duration::ZERO,
+            expires: Duration::from_secs(1),
+        };
+        bench.feed(Timestamp::ZERO, Stimulus::Input(Input::Range(reading)));
+    }
+    assert_eq!(bench.patrol.readings.len(), READINGS_MAX);
+}

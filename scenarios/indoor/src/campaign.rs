@@ -1,0 +1,232 @@
+//! Many patrols of one flat, seed by seed, beside one without noise and people.
+
+use std::num::NonZeroUsize;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::mpsc::channel;
+
+use comfy_table::{CellAlignment, Table};
+use muster_runtime::text::{figure, plural};
+use muster_scenarios::campaign::Seeds;
+use muster_scenarios::report::TABLE_STYLE;
+
+use crate::engine;
+use crate::world::{Failing, Outcome, Prepared, Setup};
+
+/// Least share of what can be seen that a patrol must see.
+pub const SEEN_MIN: f64 = 0.99;
+/// A patrol may take so many times as long as one without noise and people.
+pub const TIMES_MAX: f64 = 1.5;
+/// Most failed patrols that a table lists.
+const LISTED_MAX: usize = 20;
+
+/// One patrol in short.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Row {
+    /// Its seed.
+    pub seed: u64,
+    /// Whether the drone ended it.
+    pub is_done: bool,
+    /// In seconds.
+    pub time_s: f64,
+    /// Its time in times of the undisturbed patrol.
+    pub times: f64,
+    /// Share of what can be seen that was seen.
+    pub seen: f64,
+    /// Least distance from walls and people, in metres.
+    pub clearance_m: f64,
+    /// Touches that the drone caused, and that people caused.
+    pub touches: [usize; 2],
+    /// Stops that were given up.
+    pub given_up: usize,
+    /// Error of the believed position that 95 % of the steps stay below, in metres.
+    pub error_p95_m: f64,
+    /// Motions into a blind sector.
+    pub blind_motions: u64,
+}
+
+impl Row {
+    fn new(seed: u64, outcome: &Outcome, undisturbed_s: f64) -> Self {
+        let faults = outcome.touches.iter().filter(|it| it.is_fault()).count();
+        let time_s = outcome.time.as_secs_f64();
+        Self {
+            seed,
+            is_done: outcome.is_done,
+            time_s,
+            times: time_s / undisturbed_s,
+            seen: outcome.seen(),
+            clearance_m: outcome.least_clearance_m,
+            touches: [faults, outcome.touches.len() - faults],
+            given_up: outcome.given_up.len(),
+            error_p95_m: outcome.error_m(0.95),
+            blind_motions: outcome.blind_motions,
+        }
+    }
+
+    /// Whether it broke the rule of clearance, or moved where no sonar looks.
+    #[must_use]
+    pub const fn broke_rule(&self) -> bool {
+        self.touches[0] > 0 || self.blind_motions > 0
+    }
+
+    /// Whether it ended, saw enough, and took no longer than it may.
+    #[must_use]
+    pub fn is_complete(&self) -> bool {
+        self.is_done && self.seen >= SEEN_MIN && self.times <= TIMES_MAX
+    }
+}
+
+/// Patrols of one flat.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Campaign {
+    /// Time of the patrol without noise and people, in seconds.
+    pub undisturbed_s: f64,
+    /// One row a seed, in order.
+    pub rows: Vec<Row>,
+}
+
+/// Runs a patrol for each seed, `jobs` at a time; `failing` sonars fail from their times on. `watcher` hears how many are done.
+pub fn run(
+    prepared: &Prepared,
+    seeds: Seeds,
+    failing: &[(usize, Failing, std::time::Duration)],
+    jobs: NonZeroUsize,
+    mut watcher: impl FnMut(u64),
+) -> Campaign {
+    let undisturbed_s = engine::run(prepared, Setup::undisturbed())
+        .time
+        .as_secs_f64();
+    let next = AtomicU64::new(0);
+    let mut rows: Vec<Row> = std::thread::scope(|scope| {
+        let (sender, receiver) = channel();
+        for _ in 0..jobs.get() {
+            let (sender, next) = (sender.clone(), &next);
+            scope.spawn(move || {
+                loop {
+                    let place = next.fetch_add(1, Ordering::Relaxed);
+                    if place >= seeds.number() {
+                        return;
+                    }
+                    let setup = Setup {
+                        failing: failing.to_vec(),
+                        ..Setup::seeded(seeds.at(place))
+                    };
+                    let outcome = engine::run(prepared, setup);
+                    let row = Row::new(seeds.at(place), &outcome, undisturbed_s);
+                    if sender.send(row).is_err() {
+                        return;
+                    }
+                }
+            });
+        }
+        drop(sender);
+        let counted = receiver.into_iter().zip(1..).map(|(row, done)| {
+            watcher(done);
+            row
+        });
+        counted.collect()
+    });
+    rows.sort_by_key(|row| row.seed);
+    Campaign {
+        undisturbed_s,
+        rows,
+    }
+}
+
+/// One line of a summary: name, worst, median, and what is accepted.
+pub(crate) type Line = (&'static str, String, String, String);
+
+/// The figures of a campaign: worst and median.
+pub(crate) fn lines(campaign: &Campaign) -> Vec<Line> {
+    let sorted = |value: fn(&Row) -> f64| {
+        let mut values: Vec<f64> = campaign.rows.iter().map(value).collect();
+        values.sort_by(f64::total_cmp);
+        values
+    };
+    let line = |name, value: fn(&Row) -> f64, is_low_bad: bool, digits: usize, accepted: &str| {
+        let values = sorted(value);
+        let worst = if is_low_bad {
+            values.first()
+        } else {
+            values.last()
+        };
+        let text = |value: Option<&f64>| value.map_or_else(String::new, |it| figure(*it, digits));
+        let median = text(values.get(values.len() / 2));
+        (name, text(worst), median, accepted.to_owned())
+    };
+    vec![
+        line(
+            "touches by the drone",
+            |row| row.touches[0] as f64,
+            false,
+            0,
+            "0",
+        ),
+        line(
+            "touches by people",
+            |row| row.touches[1] as f64,
+            false,
+            0,
+            "",
+        ),
+        line("clearance m", |row| row.clearance_m, true, 2, "≥ 0.15"),
+        line("seen %", |row| row.seen * 100.0, true, 2, "≥ 99"),
+        line("times the undisturbed", |row| row.times, false, 2, "≤ 1.5"),
+        line("position error p95 m", |row| row.error_p95_m, false, 2, ""),
+        line("stops given up", |row| row.given_up as f64, false, 0, ""),
+        line(
+            "motions into a blind sector",
+            |row| row.blind_motions as f64,
+            false,
+            0,
+            "0",
+        ),
+    ]
+}
+
+/// A campaign as a table for a terminal, with the patrols that failed.
+#[must_use]
+pub fn table(campaign: &Campaign) -> String {
+    let mut table = Table::new();
+    table.force_no_tty().load_style(TABLE_STYLE);
+    table.set_header(["", "worst", "median", "accepted"]);
+    for (name, worst, median, accepted) in lines(campaign) {
+        table.add_row([name.to_owned(), worst, median, accepted]);
+    }
+    for column in 1..4 {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+    }
+    let mut text = format!(
+        " {} patrols; undisturbed: {} s\n{table}\n",
+        figure(campaign.rows.len() as f64, 0),
+        figure(campaign.undisturbed_s, 1)
+    );
+    let failed: Vec<&Row> = failed(campaign).collect();
+    let complete = campaign.rows.len() - failed.len();
+    text.push_str(&format!(
+        " {} complete without a touch by the drone\n",
+        plural(complete, "patrol")
+    ));
+    for row in failed.iter().take(LISTED_MAX) {
+        text.push_str(&format!(
+            "   seed {}: touches {}, blind {}, seen {:.2} %, {:.2} times, {}\n",
+            row.seed,
+            row.touches[0],
+            row.blind_motions,
+            row.seen * 100.0,
+            row.times,
+            if row.is_done { "ended" } else { "not ended" },
+        ));
+    }
+    if failed.len() > LISTED_MAX {
+        text.push_str(&format!("   … and {} more\n", failed.len() - LISTED_MAX));
+    }
+    text
+}
+
+/// The patrols that broke a rule or are incomplete.
+pub(crate) fn failed(campaign: &Campaign) -> impl Iterator<Item = &Row> {
+    let rows = campaign.rows.iter();
+    rows.filter(|row| row.broke_rule() || !row.is_complete())
+}

@@ -1,0 +1,15 @@
+//! A world for drones that patrol indoors: flats with walls and people, point robots with odometry and sonars that err.
+//!
+//! The drone is the machine of `muster-indoor`. The same flat and seed give the same patrol, on both engines.
+
+pub mod campaign;
+pub mod compare;
+pub mod engine;
+pub mod flat;
+mod noise;
+pub mod page;
+mod people;
+mod robot;
+mod rule;
+mod sonar;
+pub mod world;

@@ -1,0 +1,182 @@
+//! Pages with maps: a path, tours, a patrol.
+
+mod drawing;
+
+use maud::{Markup, html};
+use muster_indoor::coverage::{Places, Tour};
+use muster_indoor::frames::MapXy;
+use muster_indoor::map::Map;
+use muster_runtime::text::{figure, plural};
+use muster_scenarios::report::document;
+
+use self::drawing::Drawing;
+use crate::campaign::{self, Campaign};
+use crate::world::{Outcome, Prepared};
+
+const STYLE: &str = include_str!("page/indoor.css");
+/// Number of colours of drones.
+const COLOURS: usize = 5;
+
+/// The page of a path.
+#[must_use]
+pub fn path(name: &str, map: &Map, radius_m: f64, way: &[MapXy]) -> String {
+    let length_m: f64 = way.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
+    let drawing = Drawing::new(map);
+    let content = html! {
+        header {
+            p.kind { "muster · path" }
+            h1 { (name) }
+        }
+        div.cards {
+            (card("Length", &figure(length_m, 1), "m"))
+            (card("Straight legs", &figure(way.len().saturating_sub(1) as f64, 0), ""))
+            (card("Kept from walls", &figure(radius_m, 2), "m"))
+        }
+        section {
+            h2 { "Map" }
+            (drawing.svg(&html! {
+                (drawing.line(way, "way s0"))
+                @for corner in way { (drawing.dot(*corner, 3.0, "s0")) }
+                (drawing.ends(way))
+            }))
+            ul.legend { li { span.chip.s0 {} "path" } li { span.chip.wall {} "wall or unknown" } }
+        }
+    };
+    document(&format!("{name}, path"), STYLE, &content)
+}
+
+/// The page of tours that see a map.
+#[must_use]
+pub fn cover(
+    name: &str,
+    map: &Map,
+    tours: &[Tour],
+    ways: &[Vec<MapXy>],
+    places: &Places,
+) -> String {
+    let drawing = Drawing::new(map);
+    let all = places.targets().len();
+    let hidden = (0..all).filter(|target| !places.visible().contains(*target));
+    let content = html! {
+        header {
+            p.kind { "muster · coverage" }
+            h1 { (name) }
+        }
+        div.cards {
+            (card("Drones", &figure(tours.len() as f64, 0), ""))
+            (card("Can be seen", &figure(100.0 * places.visible().len() as f64 / all.max(1) as f64, 1), "%"))
+            (card("Longest tour", &figure(tours.iter().map(|it| it.length_m).fold(0.0, f64::max), 1), "m"))
+        }
+        section {
+            h2 { "Tours" }
+            p.about { "A drone looks round once at each numbered stop." }
+            (drawing.svg(&html! {
+                (drawing.squares(hidden.map(|target| places.targets().centre(target)), "hidden"))
+                @for (drone, way) in ways.iter().enumerate() { (drawing.line(way, &format!("way s{}", drone % COLOURS))) }
+                @for (drone, tour) in tours.iter().enumerate() {
+                    @for (number, stop) in (1..).zip(&tour.stops) { (drawing.stop(*stop, number, drone % COLOURS)) }
+                }
+            }))
+            ul.legend {
+                @for drone in 0..tours.len() { li { span.chip.{ "s" (drone % COLOURS) } {} "drone " (drone) } }
+                li { span.chip.hidden {} "can't be seen" }
+            }
+            div.scroll { table {
+                thead { tr { th.n { "Drone" } th.n { "Stops" } th.n { "Way, m" } } }
+                tbody { @for (drone, tour) in tours.iter().enumerate() {
+                    tr { td.n { (drone) } td.n { (tour.stops.len()) } td.n { (figure(tour.length_m, 1)) } }
+                } }
+            } }
+        }
+    };
+    document(&format!("{name}, coverage"), STYLE, &content)
+}
+
+/// The page of a campaign of patrols, with the patrol of the first seed.
+#[must_use]
+pub fn patrol(prepared: &Prepared, campaign: &Campaign, first: &Outcome, command: &str) -> String {
+    let failed = campaign::failed(campaign).count();
+    let content = html! {
+        header {
+            p.kind { "muster · patrols of a flat" }
+            h1 { (prepared.flat.name) }
+            p.about { (prepared.flat.about) }
+        }
+        div.cards {
+            (card("Patrols", &figure(campaign.rows.len() as f64, 0), ""))
+            (card("Undisturbed patrol", &figure(campaign.undisturbed_s, 1), "s"))
+            div.card.{ @if failed == 0 { "good" } @else { "bad" } } {
+                p { "Touched, blind or incomplete" }
+                p.value { @if failed == 0 { "✓ none" } @else { "✕ " (figure(failed as f64, 0)) } }
+            }
+        }
+        (track(prepared, campaign, first))
+        section {
+            h2 { "All patrols" }
+            div.scroll { table {
+                thead { tr { th { "" } th.n { "Worst" } th.n { "Median" } th.n { "Accepted" } } }
+                tbody { @for (name, worst, median, accepted) in campaign::lines(campaign) {
+                    tr { td { (name) } td.n { (worst) } td.n { (median) } td.n { (accepted) } }
+                } }
+            } }
+        }
+        section { h2 { "Repeat it" } pre { code { (command) } } }
+    };
+    document(&format!("{}, patrols", prepared.flat.name), STYLE, &content)
+}
+
+fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
+    let drawing = Drawing::new(&prepared.flat.map);
+    let seed = campaign.rows.first().map_or(0, |row| row.seed);
+    let track: Vec<MapXy> = first.track.iter().map(|sample| sample.pose.at).collect();
+    let believed: Vec<MapXy> = first
+        .track
+        .iter()
+        .map(|sample| sample.believed.at)
+        .collect();
+    let people = first.track.first().map_or(0, |sample| sample.people.len());
+    let walks = (0..people).map(|person| {
+        let at = first.track.iter().map(|sample| sample.people[person]);
+        at.collect::<Vec<_>>()
+    });
+    let targets = prepared.visible.targets();
+    let unseen = first
+        .unseen_targets
+        .iter()
+        .map(|target| targets.centre(*target));
+    html! {
+        section {
+            h2 { "Seed " (seed) }
+            p.about {
+                "It took " (figure(first.time.as_secs_f64(), 1)) " s, saw " (figure(100.0 * first.seen(), 2)) " % of what can be seen, "
+                "and kept " (figure(first.least_clearance_m, 2)) " m from walls and people. "
+                (plural(first.touches.len(), "touch").replace("touchs", "touches")) "."
+            }
+            (drawing.svg(&html! {
+                (drawing.squares(unseen, "unseen"))
+                @for walk in walks { (drawing.line(&walk, "walk")) }
+                (drawing.line(&believed, "believed"))
+                (drawing.line(&track, "way s0"))
+                @for (number, stop) in (1..).zip(&prepared.config.stops) { (drawing.stop(*stop, number, 0)) }
+                @for touch in &first.touches { (drawing.dot(touch.place, 7.0, "touch")) }
+                (drawing.ends(&track))
+            }))
+            ul.legend {
+                li { span.chip.s0 {} "drone" }
+                li { span.chip.believed {} "where it took itself to be" }
+                li { span.chip.walk {} "people" }
+                li { span.chip.unseen {} "not seen" }
+                @if !first.touches.is_empty() { li { span.chip.touch {} "touch" } }
+            }
+        }
+    }
+}
+
+fn card(name: &str, value: &str, unit: &str) -> Markup {
+    html! {
+        div.card {
+            p { (name) }
+            p.value { (value) @if !unit.is_empty() { " " span.unit { (unit) } } }
+        }
+    }
+}

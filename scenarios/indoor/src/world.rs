@@ -1,0 +1,324 @@
+//! One patrol: what happens when, and what came of it.
+
+mod outcome;
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Duration;
+
+use muster_indoor::coverage::{self, Places, PlanError, Seen};
+use muster_indoor::frames::MapXy;
+use muster_indoor::path::Floor;
+use muster_indoor::patrol::{Config, Input, Patrol, Transmit, Velocity, thesis_sonars};
+use muster_indoor::reading::{Mounting, Reading};
+use muster_machines::machine::{Emitted, Stimulus};
+use muster_machines::time::Timestamp;
+
+pub use self::outcome::{Outcome, Sample};
+pub use crate::rule::{CLEARANCE_M, Touch, Touched};
+pub use crate::sonar::Failing;
+
+use crate::flat::Flat;
+use crate::noise::Noise;
+use crate::people::Person;
+use crate::robot::Robot;
+use crate::rule::{person_touch, wall_m};
+use crate::sonar;
+use muster_indoor::avoidance::{Limits, Method};
+
+/// Step of the world.
+const TICK: Duration = Duration::from_micros(12_500);
+/// Ticks between two measurements of the odometry: 20 Hz.
+const ODOMETRY_TICKS: u64 = 4;
+/// Ticks between the pings of one sonar, 8 Hz; the sonars fire one after another.
+const SONAR_TICKS: u64 = 10;
+/// Time for which a sonar's reading holds.
+const READING_HOLDS: Duration = Duration::from_millis(300);
+/// Ticks between two looks of the camera.
+const LOOK_TICKS: u64 = 4;
+/// Ticks between two samples of the track.
+const SAMPLE_TICKS: u64 = 40;
+/// A patrol that takes longer has failed.
+const DURATION_MAX: Duration = Duration::from_secs(3_600);
+/// What the drone needs and can do: half a metre a second, as the robots of VFH's papers.
+pub const LIMITS: Limits = Limits {
+    radius_m: 0.25,
+    speed_max_mps: 0.5,
+    turn_rate_max_rps: 1.5,
+};
+const ACCELERATION_MPS2: f64 = 1.0;
+/// Way that takes as long as to look round once, in metres.
+const TURN_M: f64 = 3.5;
+
+/// What is chosen for a run.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Setup {
+    /// Seed of people, odometry and sonars.
+    pub seed: u64,
+    /// Whether odometry and sonars err.
+    pub noise: bool,
+    /// Whether there are people.
+    pub people: bool,
+    /// Sonars that fail, by their place, from when on.
+    pub failing: Vec<(usize, Failing, Duration)>,
+}
+
+impl Setup {
+    /// With noise and people, all sonars working.
+    #[must_use]
+    pub const fn seeded(seed: u64) -> Self {
+        Self {
+            seed,
+            noise: true,
+            people: true,
+            failing: Vec::new(),
+        }
+    }
+
+    /// The same route without noise and people: what a patrol's time is compared with.
+    #[must_use]
+    pub const fn undisturbed() -> Self {
+        Self {
+            seed: 0,
+            noise: false,
+            people: false,
+            failing: Vec::new(),
+        }
+    }
+}
+
+/// A flat that is ready to be patrolled. All runs can share it.
+#[derive(Debug, Clone)]
+pub struct Prepared {
+    /// The flat.
+    pub flat: Flat,
+    /// The drone's configuration.
+    pub config: Config,
+    /// What the drone's camera can see.
+    pub visible: Arc<Places>,
+}
+
+impl Prepared {
+    /// Plans the patrol of a flat. It takes a moment.
+    ///
+    /// # Errors
+    /// If the drone can't start where the flat says.
+    pub fn new(flat: Flat, method: Method) -> Result<Self, PlanError> {
+        let floor = Floor::new(Arc::clone(&flat.map), LIMITS.radius_m);
+        let starts = [flat.start.at];
+        let view = flat.camera.cautious();
+        let (tours, places) = coverage::plan(&floor, view, &starts, TURN_M)?;
+        let visible = Arc::new(Places::new(&floor, flat.camera, &starts)?);
+        let stops = tours.into_iter().flat_map(|tour| tour.stops).collect();
+        let config = Config {
+            floor,
+            places: Arc::new(places),
+            tables: Config::tables_of(&flat.map).expect("the start is free"),
+            stops,
+            view,
+            start: flat.start,
+            sonars: thesis_sonars(),
+            method,
+            limits: LIMITS,
+            acceleration_mps2: ACCELERATION_MPS2,
+        };
+        Ok(Self {
+            flat,
+            config,
+            visible,
+        })
+    }
+}
+
+/// A flat with one drone in it, while it is patrolled.
+///
+/// Invariant: all order is decided here; an engine adds none.
+#[derive(Debug)]
+pub struct World {
+    prepared: Prepared,
+    setup: Setup,
+    tick: u64,
+    robot: Robot,
+    people: Vec<Person>,
+    sonar_noise: Vec<Option<Noise>>,
+    due: VecDeque<Input>,
+    deadline: Option<Timestamp>,
+    seen: Seen,
+    touching: bool,
+    outcome: Outcome,
+}
+
+impl World {
+    /// A flat at the begin of a patrol.
+    #[must_use]
+    pub fn new(prepared: &Prepared, setup: Setup) -> Self {
+        let Prepared {
+            flat,
+            config,
+            visible,
+        } = prepared;
+        let noise = |stream: u64| setup.noise.then(|| Noise::new(setup.seed, stream));
+        let mut walkers = Noise::new(setup.seed, 1);
+        let people = flat.people.iter().filter(|_| setup.people);
+        let people = people.map(|walk| Person::new(walk, &mut walkers)).collect();
+        let sonars = 0..config.sonars.len() as u64;
+        Self {
+            robot: Robot::new(flat.start, config.acceleration_mps2, noise(2)),
+            people,
+            sonar_noise: sonars.map(|sonar| noise(10 + sonar)).collect(),
+            due: VecDeque::new(),
+            deadline: Some(Timestamp::ZERO),
+            seen: Seen::none(visible.targets().len()),
+            touching: false,
+            outcome: Outcome::new(config, visible),
+            prepared: prepared.clone(),
+            setup,
+            tick: 0,
+        }
+    }
+
+    /// What the drone is stepped with next; `None` once the patrol is over.
+    pub fn next(&mut self) -> Option<Stimulus<Input>> {
+        loop {
+            if self.outcome.is_over() {
+                return None;
+            }
+            if let Some(input) = self.due.pop_front() {
+                return Some(Stimulus::Input(input));
+            }
+            let now = self.now();
+            if self.deadline.take_if(|deadline| *deadline <= now).is_some() {
+                return Some(Stimulus::Timeout);
+            }
+            self.advance();
+        }
+    }
+
+    /// The time.
+    #[must_use]
+    pub fn now(&self) -> Timestamp {
+        Timestamp::ZERO + TICK * u32::try_from(self.tick).unwrap_or(u32::MAX)
+    }
+
+    /// Seed of the drone's machine.
+    #[must_use]
+    pub const fn seed(&self) -> u64 {
+        self.setup.seed
+    }
+
+    /// Carries out one output of the drone.
+    pub fn carry_out(&mut self, output: Emitted<Patrol>) {
+        match output {
+            Emitted::Transmit(Transmit::Velocity(velocity)) => self.command(velocity),
+            Emitted::Event(event) => self.outcome.observe(self.now(), event, self.robot.pose),
+        }
+    }
+
+    /// Sets the drone's next deadline.
+    pub const fn set_deadline(&mut self, deadline: Option<Timestamp>) {
+        self.deadline = deadline;
+    }
+
+    /// What came of the patrol.
+    #[must_use]
+    pub fn finish(mut self) -> Outcome {
+        let unseen = self.seen.missing_of(self.prepared.visible.visible());
+        self.outcome.unseen_targets = unseen.collect();
+        self.outcome
+    }
+
+    fn command(&mut self, velocity: Velocity) {
+        self.robot.wanted = velocity;
+        self.outcome.check_blind(
+            self.now(),
+            velocity,
+            &self.setup,
+            &self.prepared.config.sonars,
+        );
+    }
+
+    fn advance(&mut self) {
+        self.tick += 1;
+        let dt_s = TICK.as_secs_f64();
+        self.robot.step(dt_s);
+        for person in &mut self.people {
+            person.step(dt_s, self.robot.pose.at);
+        }
+        self.check_clearance();
+        if self.tick.is_multiple_of(ODOMETRY_TICKS) {
+            let motion = self.robot.odometry(dt_s * ODOMETRY_TICKS as f64);
+            self.due.push_back(Input::Odometry(motion));
+        }
+        let sonars = self.prepared.config.sonars.clone();
+        for (place, mounting) in sonars.iter().enumerate() {
+            let turn = place as u64 * SONAR_TICKS / sonars.len() as u64;
+            if self.tick % SONAR_TICKS == turn {
+                self.ping(place, mounting);
+            }
+        }
+        if self.tick.is_multiple_of(LOOK_TICKS) {
+            let (map, view) = (&self.prepared.flat.map, self.prepared.flat.camera);
+            let targets = self.prepared.visible.targets();
+            targets.look(map, self.robot.pose, view, &mut self.seen);
+        }
+        if self.tick.is_multiple_of(SAMPLE_TICKS) {
+            let people = self.people.iter().map(|person| person.at).collect();
+            self.outcome.sample(self.now(), self.robot.pose, people);
+        }
+        let missing = self.seen.missing(self.prepared.visible.visible());
+        self.outcome.progress(self.now(), missing, DURATION_MAX);
+    }
+
+    fn ping(&mut self, place: usize, mounting: &Mounting) {
+        let now = Duration::from_nanos(self.now().as_nanos());
+        let failing = self.setup.failing.iter();
+        let failing = failing.filter(|(sonar, _, from)| *sonar == place && *from <= now);
+        let failing = failing.map(|(_, failing, _)| *failing).next_back();
+        let map = self.prepared.config.floor.map();
+        let noise = self.sonar_noise[place].as_mut();
+        let echo = sonar::heard(map, &self.people, self.robot.pose, mounting, failing, noise);
+        if let Some(echo) = echo {
+            self.due.push_back(Input::Range(Reading {
+                mounting: *mounting,
+                echo,
+                taken: now,
+                expires: now + READING_HOLDS,
+            }));
+        }
+    }
+
+    fn check_clearance(&mut self) {
+        let drone = self.robot.pose.at;
+        let velocity = self.room_velocity();
+        let mut nearest = (
+            wall_m(self.prepared.config.floor.map(), drone),
+            Touched::Wall,
+        );
+        for person in &self.people {
+            let (clearance_m, touched) = person_touch(drone, velocity, person);
+            if clearance_m < nearest.0 {
+                nearest = (clearance_m, touched);
+            }
+        }
+        let (clearance_m, what) = nearest;
+        self.outcome.least_clearance_m = self.outcome.least_clearance_m.min(clearance_m);
+        let touches = clearance_m < CLEARANCE_M;
+        if touches && !self.touching {
+            self.outcome.touches.push(Touch {
+                what,
+                at: self.now(),
+                place: drone,
+                clearance_m,
+            });
+        }
+        self.touching = touches;
+    }
+
+    /// The drone's velocity along x and y, in m/s.
+    fn room_velocity(&self) -> (f64, f64) {
+        let velocity = self.robot.velocity;
+        let ahead = muster_indoor::frames::BodyXy::new(velocity.forward_mps, velocity.left_mps);
+        let MapXy { x_m, y_m, .. } = self.robot.pose.place(ahead);
+        (x_m - self.robot.pose.at.x_m, y_m - self.robot.pose.at.y_m)
+    }
+}

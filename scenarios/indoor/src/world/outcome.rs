@@ -1,0 +1,160 @@
+//! What came of a patrol.
+
+use std::time::Duration;
+
+use muster_indoor::coverage::Places;
+use muster_indoor::frames::{MapPose, MapXy, wrapped_rad};
+use muster_indoor::patrol::{Config, Event, SonarChange, Velocity};
+use muster_indoor::reading::Mounting;
+use muster_machines::time::Timestamp;
+
+use super::{Setup, Touch};
+
+/// Speed below which a drone hovers, in m/s.
+const HOVERS_MPS: f64 = 1e-6;
+/// Time within which a failing sonar must be found.
+pub(super) const FOUND_WITHIN: Duration = Duration::from_secs(2);
+
+/// A moment of a patrol.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Sample {
+    /// When.
+    pub at: Timestamp,
+    /// Where the drone was.
+    pub pose: MapPose,
+    /// Where it took itself to be.
+    pub believed: MapPose,
+    /// Where the people were.
+    pub people: Vec<MapXy>,
+}
+
+/// What came of a patrol.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Outcome {
+    /// Whether the drone ended it.
+    pub is_done: bool,
+    /// Its time.
+    pub time: Duration,
+    /// Targets that can be seen.
+    pub visible: usize,
+    /// Targets of those that were not seen.
+    pub unseen: usize,
+    /// Which these are.
+    pub unseen_targets: Vec<usize>,
+    /// Least distance from walls and people, in metres; at most 1 m is measured.
+    pub least_clearance_m: f64,
+    /// Each time that the clearance became too small.
+    pub touches: Vec<Touch>,
+    /// Stops that were given up.
+    pub given_up: Vec<MapXy>,
+    /// Sonars that were found to fail or to work again.
+    pub sonars: Vec<(Timestamp, SonarChange)>,
+    /// Motions into a direction that no working sonar looked along, later than [`FOUND_WITHIN`] after a sonar failed.
+    pub blind_motions: u64,
+    /// Errors of the believed position, one a step, in metres.
+    pub errors_m: Vec<f64>,
+    /// The track, twice a second.
+    pub track: Vec<Sample>,
+    believed: MapPose,
+    timed_out: bool,
+}
+
+impl Outcome {
+    pub(super) fn new(config: &Config, visible: &Places) -> Self {
+        let visible = visible.visible().len();
+        Self {
+            is_done: false,
+            time: Duration::ZERO,
+            visible,
+            unseen: visible,
+            unseen_targets: Vec::new(),
+            least_clearance_m: f64::INFINITY,
+            touches: Vec::new(),
+            given_up: Vec::new(),
+            sonars: Vec::new(),
+            blind_motions: 0,
+            errors_m: Vec::new(),
+            track: Vec::new(),
+            believed: config.start,
+            timed_out: false,
+        }
+    }
+
+    /// Share of what can be seen that was seen.
+    #[must_use]
+    pub fn seen(&self) -> f64 {
+        1.0 - self.unseen as f64 / self.visible.max(1) as f64
+    }
+
+    /// Whether the drone caused a touch.
+    #[must_use]
+    pub fn is_at_fault(&self) -> bool {
+        self.touches.iter().any(Touch::is_fault)
+    }
+
+    /// The error of the believed position that a share of the steps stays below, in metres; 0 without steps.
+    #[must_use]
+    pub fn error_m(&self, share: f64) -> f64 {
+        let mut sorted = self.errors_m.clone();
+        sorted.sort_by(f64::total_cmp);
+        let at = (sorted.len() as f64 * share).ceil() as usize;
+        sorted.get(at.saturating_sub(1)).copied().unwrap_or(0.0)
+    }
+
+    pub(super) const fn is_over(&self) -> bool {
+        self.is_done || self.timed_out
+    }
+
+    pub(super) fn observe(&mut self, now: Timestamp, event: Event, pose: MapPose) {
+        match event {
+            Event::Checkpoint(checkpoint) => {
+                self.believed = checkpoint.pose;
+                self.errors_m.push(checkpoint.pose.at.distance_m(pose.at));
+            }
+            Event::Remaining(remaining) => self.is_done |= remaining.is_done,
+            Event::Sonar(change) => self.sonars.push((now, change)),
+            Event::GivenUp(stop) => self.given_up.push(stop),
+        }
+    }
+
+    pub(super) fn progress(&mut self, now: Timestamp, unseen: usize, duration_max: Duration) {
+        self.unseen = unseen;
+        self.time = now.since(Timestamp::ZERO);
+        self.timed_out = self.time >= duration_max;
+    }
+
+    pub(super) fn sample(&mut self, at: Timestamp, pose: MapPose, people: Vec<MapXy>) {
+        let believed = self.believed;
+        self.track.push(Sample {
+            at,
+            pose,
+            believed,
+            people,
+        });
+    }
+
+    /// Counts a motion into a direction along which no sonar that works looks.
+    pub(super) fn check_blind(
+        &mut self,
+        now: Timestamp,
+        velocity: Velocity,
+        setup: &Setup,
+        sonars: &[Mounting],
+    ) {
+        if velocity.speed_mps() <= HOVERS_MPS {
+            return;
+        }
+        let direction_rad = libm::atan2(velocity.left_mps, velocity.forward_mps);
+        let is_known_to_fail = |place: usize| {
+            let mut failing = setup.failing.iter();
+            failing.any(|(sonar, _, from)| {
+                *sonar == place && now.since(Timestamp::ZERO) > *from + FOUND_WITHIN
+            })
+        };
+        let looks = |(place, mounting): (usize, &Mounting)| {
+            let off_rad = wrapped_rad(direction_rad - mounting.bearing_rad).abs();
+            off_rad <= mounting.aperture_rad / 2.0 + 1e-9 && !is_known_to_fail(place)
+        };
+        self.blind_motions += u64::from(!sonars.iter().enumerate().any(looks));
+    }
+}

@@ -1,0 +1,75 @@
+use std::path::PathBuf;
+
+use clap::Args;
+use muster_indoor::frames::MapXy;
+use muster_indoor::path::Floor;
+use muster_indoor_world::page;
+use muster_indoor_world::world::LIMITS;
+use muster_runtime::diagnostic::BadInput;
+use muster_runtime::text::{figure, plural};
+
+use super::place;
+use crate::command::{Failure, Outcome, terminal};
+
+/// Find the way between two places of a map, and draw it.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  muster map path flat 1,3.9 9,7
+  muster map path flat 1,3.9 9,7 --radius 0.3 --out runs/way.html
+
+Exit code 2 if there is no way.")]
+pub(super) struct Arguments {
+    /// A map's YAML file, a flat's TOML file, or the name of a shipped flat.
+    #[arg(value_name = "MAP")]
+    map: PathBuf,
+    /// Where the way begins, in metres of the map's frame.
+    #[arg(value_name = "X,Y", value_parser = place::place, allow_hyphen_values = true)]
+    from: MapXy,
+    /// Where it ends.
+    #[arg(value_name = "X,Y", value_parser = place::place, allow_hyphen_values = true)]
+    to: MapXy,
+    /// Distance to keep from walls, in metres
+    #[arg(long, value_name = "METRES", value_parser = radius, default_value_t = LIMITS.radius_m)]
+    radius: f64,
+    /// Page to write [default: runs/MAP-path.html]
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+}
+
+pub(super) fn radius(text: &str) -> Result<f64, String> {
+    place::within(text, 0.0, 5.0)
+}
+
+pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    let (name, map) = place::map(&arguments.map)?;
+    let floor = Floor::new(map, arguments.radius);
+    for end in [arguments.from, arguments.to] {
+        if !floor.is_free(end) {
+            let message = format!("a drone can't be at {end:?}");
+            let help = format!(
+                "a place on the map, {} m from walls and from what is unknown",
+                arguments.radius
+            );
+            return Err(BadInput::without_excerpt(&arguments.map, message, help).into());
+        }
+    }
+    let Some(way) = floor.way(arguments.from, arguments.to) else {
+        let message = format!(
+            "there is no way from {:?} to {:?}",
+            arguments.from, arguments.to
+        );
+        let help = "a smaller --radius fits through narrower doors";
+        return Err(BadInput::without_excerpt(&arguments.map, message, help).into());
+    };
+    let length_m: f64 = way.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
+    let page = page::path(&name, floor.map(), arguments.radius, &way);
+    let written = place::write(arguments.out.as_deref(), &name, "path", &page)?;
+    let legs = plural(way.len().saturating_sub(1), "straight leg");
+    let mut text = format!(" {} m in {legs}\n", figure(length_m, 1));
+    for corner in &way {
+        text.push_str(&format!("   {:.2}, {:.2}\n", corner.x_m, corner.y_m));
+    }
+    text.push_str(&format!("\n wrote {}\n", written.display()));
+    terminal::print(&text)?;
+    Ok(Outcome::Success)
+}

@@ -1,0 +1,59 @@
+//! Arguments and files that the commands on maps share: maps by name or path, places, pages.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use muster_indoor::frames::MapXy;
+use muster_indoor::map::Map;
+use muster_indoor_world::flat::Flat;
+use muster_runtime::diagnostic::BadInput;
+use muster_runtime::map_file;
+
+use crate::command::Failure;
+
+/// Parses a place: `X,Y` in metres.
+pub(super) fn place(text: &str) -> Result<MapXy, String> {
+    let parsed = text.split_once(',').and_then(|(x, y)| {
+        let (x_m, y_m) = (x.trim().parse::<f64>().ok()?, y.trim().parse::<f64>().ok()?);
+        (x_m.is_finite() && y_m.is_finite()).then(|| MapXy::new(x_m, y_m))
+    });
+    parsed.ok_or_else(|| "a place is X,Y in metres, as in 1.5,-2".to_owned())
+}
+
+/// A number within limits, for arguments with units.
+pub(super) fn within(text: &str, low: f64, high: f64) -> Result<f64, String> {
+    let number = text
+        .parse()
+        .ok()
+        .filter(|it: &f64| (low..=high).contains(it));
+    number.ok_or_else(|| format!("a number from {low} to {high}"))
+}
+
+/// The map of a shipped flat, or of a file.
+pub(super) fn map(named: &Path) -> Result<(String, Arc<Map>), BadInput> {
+    let is_name = named.to_str().is_some_and(|it| !it.contains(['.', '/']));
+    if is_name || named.extension().is_some_and(|it| it == "toml") {
+        let flat = Flat::read(named)?;
+        return Ok((flat.name, flat.map));
+    }
+    let name = named.file_stem().unwrap_or_default().to_string_lossy();
+    Ok((name.into_owned(), Arc::new(map_file::load(named)?)))
+}
+
+/// Writes a page to the file that was asked for, or to `runs/NAME-WHAT.html`. Its path.
+pub(super) fn write(
+    out: Option<&Path>,
+    name: &str,
+    what: &str,
+    page: &str,
+) -> Result<PathBuf, Failure> {
+    let default = || Path::new("runs").join(format!("{name}-{what}.html"));
+    let path = out.map_or_else(default, Path::to_path_buf);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let written = fs::create_dir_all(folder).and_then(|()| fs::write(&path, page));
+    match written {
+        Ok(()) => Ok(path),
+        Err(source) => Err(Failure::Create { path, source }),
+    }
+}
