@@ -102,7 +102,8 @@ fn archive_with_another_file_than_its_manifest_names_is_refused() {
     let written = pack(&folder, "out").unwrap();
     let key = fleet_key(&folder);
     let release = Release::load(&written[0], &key).unwrap();
-    let plant = |change: &dyn Fn(&mut BTreeMap<String, Vec<u8>>)| {
+    type Files = BTreeMap<String, Vec<u8>>;
+    let plant = |change: &dyn Fn(&mut Files)| {
         let mut files = release.files.clone();
         change(&mut files);
         let mut bytes = Vec::new();

@@ -47,7 +47,7 @@ struct Fleet {
 }
 
 impl Fleet {
-    fn new(states: [HostState; 5], flying: [usize; 5], keep_flying: Option<usize>) -> Self {
+    fn new(states: &[HostState; 5], flying: [usize; 5], keep_flying: Option<usize>) -> Self {
         let rollout = Rollout::new(waves(), states.to_vec(), flying.to_vec(), keep_flying);
         Self {
             rollout,
@@ -61,7 +61,7 @@ impl Fleet {
     }
 
     fn waiting() -> Self {
-        Self::new([const { HostState::Waiting }; 5], [0; 5], None)
+        Self::new(&[const { HostState::Waiting }; 5], [0; 5], None)
     }
 
     /// Until the rollout is over: each second all hosts are seen, and what was begun ends.
@@ -91,9 +91,9 @@ impl Fleet {
                 };
                 self.rollout.handle(self.now, host, event);
             }
-            for host in 0..5 {
+            for (host, changed_at) in changed_at.iter().enumerate() {
                 let is_ill = self.ill_after.iter().any(|(nth, after)| {
-                    *nth == host && self.now.saturating_sub(*after) >= changed_at[host]
+                    *nth == host && self.now.saturating_sub(*after) >= *changed_at
                 });
                 let event = if is_ill {
                     ill()
@@ -183,10 +183,10 @@ fn flood_of_dropped_frames_fails_the_gate() {
 fn host_in_flight_is_left_alone_and_a_wave_of_such_hosts_stops_the_rollout() {
     let mut states = [const { HostState::Waiting }; 5];
     states[2] = HostState::Deferred;
-    let fleet = Fleet::new(states, [0, 0, 1, 0, 0], None).run();
+    let fleet = Fleet::new(&states, [0, 0, 1, 0, 0], None).run();
     assert_eq!(fleet.position(Action::Change(2)), None);
     assert_eq!(fleet.rollout.hosts()[4], HostState::Changed);
-    let fleet = Fleet::new([const { HostState::Deferred }; 5], [1; 5], None).run();
+    let fleet = Fleet::new(&[const { HostState::Deferred }; 5], [1; 5], None).run();
     assert_eq!(fleet.actions, []);
     assert_eq!(
         fleet.rollout.stopped(),
@@ -198,7 +198,7 @@ fn host_in_flight_is_left_alone_and_a_wave_of_such_hosts_stops_the_rollout() {
 fn recall_takes_hosts_one_at_a_time_and_keeps_the_stated_number_flying() {
     for keep in 0..=5 {
         let states = [const { HostState::Deferred }; 5];
-        let fleet = Fleet::new(states, [1; 5], Some(keep)).run();
+        let fleet = Fleet::new(&states, [1; 5], Some(keep)).run();
         assert!(
             fleet.fewest_flying >= keep,
             "{keep}: {}",
@@ -228,7 +228,7 @@ fn recall_takes_hosts_one_at_a_time_and_keeps_the_stated_number_flying() {
 fn resumed_rollout_goes_on_behind_what_is_done() {
     let mut states = [const { HostState::Waiting }; 5];
     (states[0], states[1]) = (HostState::Unchanged, HostState::Unchanged);
-    let fleet = Fleet::new(states, [0; 5], None).run();
+    let fleet = Fleet::new(&states, [0; 5], None).run();
     assert_eq!(fleet.actions, [2, 3, 4].map(Action::Change));
 }
 
@@ -245,7 +245,7 @@ proptest! {
         for host in deferred {
             (states[host], flying[host]) = (HostState::Deferred, 1);
         }
-        let mut fleet = Fleet::new(states, flying, None);
+        let mut fleet = Fleet::new(&states, flying, None);
         fleet.bad = bad;
         fleet.ill_after = ill.into_iter().map(|(host, s)| (host, Duration::from_secs(s))).collect();
         let fleet = fleet.run();

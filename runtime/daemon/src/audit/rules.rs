@@ -213,7 +213,8 @@ fn sshd_settings(facts: &Facts) -> String {
 const BANNER_TEXT: &str =
     "This computer flies an aircraft. Only its operators may log in; connections are logged.\n";
 
-/// Lets in ssh, and the drones' datagrams, whose ports the system chooses.
+/// Lets in ssh, ICMP (1, 58), IGMP (2), and the drones' datagrams, whose ports the system chooses. Protocols are numbers: not
+/// every host has their names.
 fn firewall_rules(facts: &Facts) -> String {
     let ports: Vec<_> = facts.ssh_ports.iter().map(u16::to_string).collect();
     let ports = if ports.is_empty() {
@@ -224,8 +225,8 @@ fn firewall_rules(facts: &Facts) -> String {
     format!(
         "# Written by muster deploy audit --fix.\ntable inet muster\ndelete table inet muster\ntable inet muster {{\n    \
          chain input {{\n        type filter hook input priority filter; policy drop;\n        \
-         ct state established,related accept\n        iif lo accept\n        meta l4proto {{ icmp, ipv6-icmp }} accept\n        \
-         ip protocol igmp accept\n        tcp dport {{ {ports} }} accept\n        udp dport {{ 68, 546, 1024-65535 }} accept\n    }}\n}}\n"
+         ct state established,related accept\n        iif lo accept\n        meta l4proto {{ 1, 2, 58 }} accept\n        \
+         tcp dport {{ {ports} }} accept\n        udp dport {{ 68, 546, 1024-65535 }} accept\n    }}\n}}\n"
     )
 }
 

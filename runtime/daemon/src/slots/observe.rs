@@ -192,7 +192,12 @@ mod tests {
     #[test]
     fn health_follows_from_service_and_answer() {
         use DroneHealth::{Dead, FlightOver, Healthy, Starting, Unhealthy};
-        let table: [([&str; 4], Option<&[&str]>, fn(&DroneHealth) -> bool); 9] = [
+        type Case = (
+            [&'static str; 4],
+            Option<&'static [&'static str]>,
+            fn(&DroneHealth) -> bool,
+        );
+        let table: [Case; 9] = [
             (["active", "success", "0", "1"], Some(&[]), |it| {
                 matches!(it, Healthy { .. })
             }),

@@ -48,25 +48,24 @@ fn stock_host_breaks_rules_and_a_hardened_one_none() {
 
 #[test]
 fn each_planted_weakness_is_found() {
-    let table: [(&str, fn(&mut Facts)); 6] = [
+    type Plant = fn(&mut Facts);
+    let table: [(&str, Plant); 6] = [
         ("no-passwords", |it| {
             it.with_password.insert("pi".to_owned());
         }),
         ("firewall", |it| it.firewall_starts = false),
         ("key-permissions", |it| {
-            it.open_keys.push("/etc/muster/drone-0.key".into())
+            it.open_keys.push("/etc/muster/drone-0.key".into());
         }),
         ("serial-permissions", |it| {
-            it.open_ports.push("/dev/ttyACM0".into())
+            it.open_ports.push("/dev/ttyACM0".into());
         }),
         ("unit-sandbox", |it| {
             it.exposures.insert("musterd@0.service".to_owned(), 21);
         }),
         ("ssh-no-root", |it| {
-            drop(
-                it.sshd
-                    .insert("permitrootlogin".to_owned(), "yes".to_owned()),
-            )
+            it.sshd
+                .insert("permitrootlogin".to_owned(), "yes".to_owned());
         }),
     ];
     for (rule, plant) in table {
