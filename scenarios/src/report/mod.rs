@@ -25,8 +25,8 @@ pub use folder::numbered;
 pub use history::{
     Condition, Epoch, History, Jam, LinkChange, LinkState, Mark, MarkKind, NodeHistory, Route,
 };
-pub use html::{document, page};
 pub use html::scaling::{Scaling, scaling};
+pub use html::{document, page};
 pub use recordings::Recording;
 pub use table::{Colour, STYLE as TABLE_STYLE, table};
 pub use tracks::tracks;
