@@ -16,7 +16,7 @@ pub fn run(prepared: &Prepared, setup: Setup) -> Outcome {
     let mut world = World::new(prepared, setup);
     let mut patrol = Patrol::new(prepared.config.clone(), world.seed(), world.now(), None);
     let mut outputs = Vec::new();
-    while let Some(stimulus) = world.next() {
+    while let Some(stimulus) = world.next_stimulus() {
         let deadline = step(&mut patrol, world.now(), stimulus, |it| outputs.push(it));
         outputs.drain(..).for_each(|output| world.carry_out(output));
         world.set_deadline(deadline);

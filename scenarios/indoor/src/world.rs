@@ -178,7 +178,7 @@ impl World {
     }
 
     /// What the drone is stepped with next; `None` once the patrol is over.
-    pub fn next(&mut self) -> Option<Stimulus<Input>> {
+    pub fn next_stimulus(&mut self) -> Option<Stimulus<Input>> {
         loop {
             if self.outcome.is_over() {
                 return None;

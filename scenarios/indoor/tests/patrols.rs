@@ -11,8 +11,8 @@ use muster_indoor_world::flat::{Flat, shipped};
 use muster_indoor_world::world::{CLEARANCE_M, Failing, Prepared, Setup};
 
 static FLAT: LazyLock<Prepared> = LazyLock::new(|| {
-    let flat = Flat::read(Path::new("flat")).unwrap();
-    Prepared::new(flat, Default::default()).unwrap()
+    let flat = Flat::read(Path::new("flat")).expect("a shipped flat");
+    Prepared::new(flat, Default::default()).expect("a flat to fly in")
 });
 
 #[test]

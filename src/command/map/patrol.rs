@@ -84,7 +84,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     bar.set_length(arguments.seeds.number());
     let jobs = jobs.unwrap_or(NonZeroUsize::MIN);
     let campaign = campaign::run(&prepared, arguments.seeds, &failing, jobs, |done| {
-        bar.set_position(done)
+        bar.set_position(done);
     });
     bar.finish_and_clear();
     let seed = arguments.seeds.at(0);

@@ -69,7 +69,7 @@ impl Driver {
         let Some(actor) = self.actor.get() else {
             return;
         };
-        match lock(&self.world).next() {
+        match lock(&self.world).next_stimulus() {
             Some(stimulus) => actor
                 .cast(stimulus)
                 .expect("the actor runs until the patrol is over"),

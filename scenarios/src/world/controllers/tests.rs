@@ -95,7 +95,7 @@ impl Bench {
                 events.push(event);
             });
             self.truth = flown.map(|(truth, _)| truth).or(self.truth);
-            let found = self.controllers.check_rc(self.now, DRONE);
+            let found = self.controllers.check(self.now, DRONE);
             self.violation = self.violation.take().or(found);
             if self.is_up {
                 for event in events {
