@@ -165,7 +165,8 @@ fn silent_sensors_do_not_repeat_the_last_velocity() {
 
 #[test]
 fn failing_sonars_are_found_within_two_seconds() {
-    let cases: [(Fault, fn(Echo) -> Option<Echo>); 3] = [
+    type Hear = fn(Echo) -> Option<Echo>;
+    let cases: [(Fault, Hear); 3] = [
         (Fault::Dead, |_| None),
         (Fault::Stuck, |_| Some(Echo::At(0.05))),
         (Fault::Deaf, |_| Some(Echo::Silence)),
