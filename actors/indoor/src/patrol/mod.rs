@@ -2,7 +2,7 @@
 //! keeps clear of what is near.
 //!
 //! In: ranges and odometry. Out: a velocity, ten times a second; the pose with its covariance, what remains to be seen, and
-//! which sonars fail. A step takes less than 2 ms; a long search for a way goes on in the next steps.
+//! which sonars fail. A long search for a way goes on in the next steps.
 
 mod config;
 mod flight;

@@ -8,7 +8,8 @@ use nalgebra::{Matrix3, Vector3};
 
 /// What MRPT's filter ends at with 40,000 particles, in 8 runs of 8.
 const END: (f64, f64, f64) = (15.91, -10.01, 4.9);
-const SEEDS: u64 = 20;
+/// Others than the parameters were chosen with, 0 to 39 and 1,000 to 1,019; the drive is the same.
+const SEEDS: std::ops::Range<u64> = 5_000..5_020;
 
 /// What a filter said at each scan, and whether its pose was off.
 struct Run {
@@ -79,7 +80,7 @@ fn pose_is_found_from_a_uniform_prior_over_20_by_10_metres() {
     let Some(malaga) = Malaga::load() else { return };
     let tables = tables(&malaga);
     let (mut found, mut particles) = (0, Vec::new());
-    for seed in 0..SEEDS {
+    for seed in SEEDS {
         let mut filter = Filter::new(Arc::clone(&tables), config(), seed);
         within(&mut filter);
         let run = Run::over(&malaga, &mut filter, 0..malaga.log.len());
@@ -87,10 +88,7 @@ fn pose_is_found_from_a_uniform_prior_over_20_by_10_metres() {
         found += u64::from(run.is_at_end());
         particles.extend(run.particles_after_convergence());
     }
-    println!(
-        "found {found} of {SEEDS}, {:.0} particles",
-        mean(&particles)
-    );
+    println!("found {found} of 20, {:.0} particles", mean(&particles));
     assert!(found >= 19);
     assert!(mean(&particles) <= 1_000.0);
 }
@@ -99,12 +97,12 @@ fn pose_is_found_from_a_uniform_prior_over_20_by_10_metres() {
 fn pose_is_found_anywhere_on_the_floor() {
     let Some(malaga) = Malaga::load() else { return };
     let tables = tables(&malaga);
-    let found = (0..SEEDS).filter(|seed| {
+    let found = SEEDS.filter(|seed| {
         let mut filter = Filter::new(Arc::clone(&tables), config(), *seed);
         Run::over(&malaga, &mut filter, 0..malaga.log.len()).is_at_end()
     });
     let found = found.count();
-    println!("floor: found {found} of {SEEDS}");
+    println!("floor: found {found} of 20");
     assert!(found >= 16);
 }
 
@@ -125,14 +123,14 @@ fn carried(malaga: &Malaga, tables: &Arc<Tables>, seed: u64) -> (Run, Run) {
 fn a_robot_that_was_carried_away_is_found_within_15_scans() {
     let Some(malaga) = Malaga::load() else { return };
     let tables = tables(&malaga);
-    let found = (0..SEEDS).filter(|seed| {
+    let found = SEEDS.filter(|seed| {
         let (before, after) = carried(&malaga, &tables, *seed);
         assert!(!before.estimates[18].1, "the pose was known before");
         let is_found = |(estimate, is_off): &(Estimate, bool)| !estimate.is_lost && !is_off;
         after.estimates[..15].iter().any(is_found) && is_found(&after.estimates[17])
     });
     let found = found.count();
-    println!("carried: found {found} of {SEEDS}");
+    println!("carried: found {found} of 20");
     assert!(found >= 18);
 }
 
@@ -157,8 +155,7 @@ fn lost_is_right_in_95_percent_of_scans() {
         (name.to_owned(), run.estimates.len(), agree, missed)
     };
     let mut rows = Vec::new();
-    // Other seeds than those that the thresholds were chosen with.
-    for seed in 1_000..1_000 + SEEDS {
+    for seed in SEEDS {
         let mut filter = Filter::new(Arc::clone(&tables), config(), seed);
         rows.push(count("floor", &Run::over(&malaga, &mut filter, 0..37)));
         within(&mut filter);

@@ -156,8 +156,8 @@ mod tests {
         0xc7, 0x00, 0xe9, 0xc5, 0x00, 0xe5, 0xc2, 0x00, 0xe5, 0xc0, 0x00, 0xe5, 0xbe, 0x82, 0x3a,
         0x1a, 0x50,
     ];
-    /// Recorded from an LD19 whose lens was covered.
-    const COVERED: [u8; PACKET_SIZE] = [
+    /// A packet of an LD19 without any return, as published by a user.
+    const SILENT: [u8; PACKET_SIZE] = [
         0x54, 0x2c, 0x74, 0x08, 0xb0, 0x86, 0x00, 0x00, 0xd4, 0x00, 0x00, 0xd4, 0x00, 0x00, 0xd4,
         0x00, 0x00, 0xd4, 0x00, 0x00, 0xd4, 0x00, 0x00, 0xd5, 0x00, 0x00, 0xd5, 0x00, 0x00, 0x49,
         0x00, 0x00, 0x5f, 0x00, 0x00, 0xb0, 0x00, 0x00, 0xd2, 0x00, 0x00, 0xd4, 0x02, 0x89, 0x1e,
@@ -191,7 +191,7 @@ mod tests {
 
     #[test]
     fn a_recorded_packet_without_echoes_has_ranges_of_zero() {
-        let packets = packets(&mut Decoder::default(), &COVERED);
+        let packets = packets(&mut Decoder::default(), &SILENT);
         assert!(packets[0].points.iter().all(|point| point.range_mm == 0));
     }
 
@@ -200,14 +200,14 @@ mod tests {
         let mut bytes = MANUAL;
         bytes[20] ^= 1;
         let mut decoder = Decoder::default();
-        let stream = [&bytes[..], &MANUAL, &COVERED].concat();
+        let stream = [&bytes[..], &MANUAL, &SILENT].concat();
         assert_eq!(packets(&mut decoder, &stream).len(), 2);
         assert_eq!(decoder.counts().bad, 1);
     }
 
     #[test]
     fn a_lost_byte_costs_its_own_packet_only() {
-        let stream = [&MANUAL[..30], &MANUAL[31..], &MANUAL, &COVERED].concat();
+        let stream = [&MANUAL[..30], &MANUAL[31..], &MANUAL, &SILENT].concat();
         assert_eq!(packets(&mut Decoder::default(), &stream).len(), 2);
     }
 
