@@ -1,6 +1,6 @@
 //! Whether a host is safe to leave alone with a drone: who can log in, what can be reached, who can read keys.
 //!
-//! What is found is judged in pure code ([`rules`]); a fix is a set of files and commands that can be undone ([`fix`]).
+//! What is found is judged in pure code (`rules`); a fix is a set of files and commands that can be undone (`fix`).
 
 mod facts;
 mod fix;
