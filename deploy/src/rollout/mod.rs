@@ -1,7 +1,7 @@
 //! Rollouts: a release and its configuration for all hosts of a fleet, in waves, and back if it goes wrong.
 //!
 //! Each host decides by itself whether a release is good ([`muster_daemon::slots`]). What is decided here is which host is
-//! changed when ([`waves`]).
+//! changed when (`waves`).
 
 mod apply;
 mod desired;

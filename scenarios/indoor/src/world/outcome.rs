@@ -49,7 +49,7 @@ pub struct Outcome {
     pub given_up: Vec<MapXy>,
     /// Sonars that were found to fail or to work again.
     pub sonars: Vec<(Timestamp, SonarChange)>,
-    /// Motions into a direction that no working sonar looked along, later than [`FOUND_WITHIN`] after a sonar failed.
+    /// Motions into a direction that no working sonar looked along, later than `FOUND_WITHIN` after a sonar failed.
     pub blind_motions: u64,
     /// Errors of the believed position, one a step, in metres.
     pub errors_m: Vec<f64>,
