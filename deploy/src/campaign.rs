@@ -10,7 +10,7 @@ use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::is_plain;
 use thiserror::Error;
 
-use crate::remote::{RemoteError, line, output};
+use crate::remote::{RemoteError, line, output, temporary_folder, upload};
 
 /// Shards a host: a lost host costs a fraction of its part.
 const SHARDS_PER_HOST: usize = 4;
@@ -157,7 +157,7 @@ struct Host<'a> {
 impl Host<'_> {
     /// Runs shards until none is left.
     fn work(&self, queue: &Mutex<VecDeque<usize>>, said: &dyn Fn(&str)) -> Result<(), HostError> {
-        let folder = line(self.run, &["mktemp", "-d", "/var/tmp/muster.XXXXXXXX"])?;
+        let folder = temporary_folder(self.run)?;
         let worked = self.work_in(&folder, queue, said);
         // A lost host keeps it.
         let _ = line(self.run, &["rm", "-r", &folder]);
@@ -196,9 +196,7 @@ impl Host<'_> {
         if let Some((parent, _)) = path.rsplit_once('/') {
             line(self.run, &["mkdir", "-p", parent])?;
         }
-        let to = format!("of={path}");
-        output(self.run, &["dd", &to, "bs=64k", "status=none"], content)?;
-        Ok(())
+        Ok(upload(self.run, &path, content)?)
     }
 
     /// Runs a shard and brings its folder here, whole or not at all.

@@ -73,6 +73,17 @@ pub(crate) fn line(run: &[String], words: &[&str]) -> Result<String, RemoteError
     Ok(String::from_utf8_lossy(&output).trim().to_owned())
 }
 
+/// Makes a folder on a host that only its user can read. Returns its path.
+pub(crate) fn temporary_folder(run: &[String]) -> Result<String, RemoteError> {
+    line(run, &["mktemp", "-d", "/var/tmp/muster.XXXXXXXX"])
+}
+
+/// Writes a file on a host.
+pub(crate) fn upload(run: &[String], path: &str, content: &[u8]) -> Result<(), RemoteError> {
+    let to = format!("of={path}");
+    output(run, &["dd", &to, "bs=64k", "status=none"], content).map(drop)
+}
+
 /// Runs a command on a host with this process's output and errors, as `journalctl`.
 ///
 /// # Errors

@@ -6,7 +6,7 @@ use muster_runtime::mission_file;
 use muster_runtime::text::plural;
 use muster_scenarios::scenario;
 
-use super::{Failure, Outcome, terminal};
+use super::{Failure, Outcome, describe_each};
 
 /// Check scenario and mission files without flying them.
 ///
@@ -28,18 +28,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let mut unusable = Vec::new();
-    for file in &arguments.files {
-        match describe(file, arguments.explain) {
-            Ok(description) => terminal::print(&format!("{}: {description}\n", file.display()))?,
-            Err(error) => unusable.push(error),
-        }
-    }
-    if unusable.is_empty() {
-        Ok(Outcome::Success)
-    } else {
-        Err(Failure::Input(unusable))
-    }
+    describe_each(&arguments.files, |file| describe(file, arguments.explain))
 }
 
 /// The verdict on a file, and the lines that explain it.

@@ -22,7 +22,7 @@ mod terminal;
 mod thesis;
 
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
@@ -151,6 +151,25 @@ impl From<CampaignError> for Failure {
             CampaignError::Write(error) => error.into(),
             CampaignError::Read { path, source } => Self::Read { path, source },
         }
+    }
+}
+
+/// Prints what `describe` says of each file, and refuses all that can't be used at the end.
+fn describe_each(
+    files: &[PathBuf],
+    describe: impl Fn(&Path) -> Result<String, BadInput>,
+) -> Result<Outcome, Failure> {
+    let mut unusable = Vec::new();
+    for file in files {
+        match describe(file) {
+            Ok(description) => terminal::print(&format!("{}: {description}\n", file.display()))?,
+            Err(error) => unusable.push(error),
+        }
+    }
+    if unusable.is_empty() {
+        Ok(Outcome::Success)
+    } else {
+        Err(Failure::Input(unusable))
     }
 }
 

@@ -6,10 +6,10 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::Path;
 
 use muster_daemon::config::{StageName, TransportName};
-use muster_daemon::slots::{Incoming, IncomingFile, SlotFacts, configuration_digest, hex};
+use muster_daemon::slots::{Incoming, IncomingFile, SlotFacts, configuration_digest};
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, read_text};
-use muster_runtime::identity::{ReleaseFile, Roster};
+use muster_runtime::identity::{ReleaseFile, Roster, hex};
 use muster_scenarios::scenario;
 
 use crate::drone_file::{DroneFile, Keys, LogFormat, Network, Observe};

@@ -9,7 +9,7 @@ use std::time::Duration;
 use muster_daemon::slots::protocol::{PROTOCOL, SlotOrder, SlotReply};
 use thiserror::Error;
 
-use crate::remote::{NO_CONNECTION, RemoteError, command, line, output};
+use crate::remote::{NO_CONNECTION, RemoteError, command, line, output, temporary_folder, upload};
 
 /// The good release's program on a host.
 const INSTALLED: &str = "/opt/muster/good/musterd";
@@ -105,10 +105,9 @@ impl Session {
         let machine = line(run, &["uname", "-m"])?;
         let program = programs(&machine);
         let program = program.ok_or(SessionError::OtherProcessor(machine))?;
-        let folder = line(run, &["mktemp", "-d", "/var/tmp/muster.XXXXXXXX"])?;
+        let folder = temporary_folder(run)?;
         let path = format!("{folder}/musterd");
-        let to = format!("of={path}");
-        output(run, &["dd", &to, "bs=64k", "status=none"], program)?;
+        upload(run, &path, program)?;
         output(run, &["chmod", "700", &path], &[])?;
         let mut session = Self::of_program(run, &path)?;
         session.temporary = Some((run.to_vec(), folder));

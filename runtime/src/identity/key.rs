@@ -163,7 +163,9 @@ pub(super) fn public_key(digits: &str) -> Option<VerifyingKey> {
     VerifyingKey::from_bytes(&bytes(digits)?).ok()
 }
 
-pub(super) fn hex(bytes: &[u8]) -> String {
+/// Bytes in hexadecimal.
+#[must_use]
+pub fn hex(bytes: &[u8]) -> String {
     bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 

@@ -27,7 +27,7 @@ pub use authenticator::{Ed25519Authenticator, IdentityMismatch};
 pub use fleet::{Fleet, KeysError};
 pub use grant::{CalendarTime, ControllerFacts, Grant, GrantRefusal, GrantedStage};
 pub use ground_check::GroundCheck;
-pub use key::{DroneKey, FleetKey};
+pub use key::{DroneKey, FleetKey, hex};
 pub use lists::{RevocationList, Roster};
 pub use operator::OperatorKey;
 pub use release::{MANIFEST_MAX, Manifest, RELEASE_FILE_MAX, ReleaseFile, is_plain};

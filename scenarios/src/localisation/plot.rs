@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 use muster_runtime::text::figure;
 
-use crate::report::html::axis::{Axis, decimals, px, ticks};
+use crate::report::html::axis::{Axis, px, scale, ticks};
 
 const WIDTH_PX: f64 = 540.0;
 const HEIGHT_PX: f64 = 200.0;
@@ -19,8 +19,6 @@ pub(super) fn plot(name: &str, about: &str, values: &[f64]) -> Markup {
     let x = Axis::new((0.0, last), (LEFT_PX, WIDTH_PX - RIGHT_PX));
     let most = values.iter().copied().fold(0.0, f64::max) * 1.05;
     let y = Axis::new((0.0, most), (base, TOP_PX));
-    let heights = ticks(0.0, most, 4.0);
-    let digits = decimals(&heights);
     let places = values.iter().enumerate();
     let places =
         places.map(|(scan, value)| format!("{},{}", px(x.px(scan as f64)), px(y.px(*value))));
@@ -28,11 +26,7 @@ pub(super) fn plot(name: &str, about: &str, values: &[f64]) -> Markup {
         figure {
             figcaption { (name) span { (about) } }
             svg role="img" aria-label=(name) viewBox={ "0 0 " (WIDTH_PX) " " (HEIGHT_PX) } {
-                @for height in heights {
-                    @let at = px(y.px(height));
-                    line.grid x1=(LEFT_PX) x2=(WIDTH_PX - RIGHT_PX) y1=(at) y2=(at) {}
-                    text.tick x=(LEFT_PX - 7.0) y=(at) dy="0.35em" text-anchor="end" { (figure(height, digits)) }
-                }
+                (scale(&y, (0.0, most), 4.0, (LEFT_PX, WIDTH_PX - RIGHT_PX)))
                 polyline.value-line points=(places.collect::<Vec<_>>().join(" ")) {}
                 @for scan in ticks(0.0, last, 8.0) {
                     text.tick x=(px(x.px(scan))) y=(base + 18.0) text-anchor="middle" { (figure(scan, 0)) }

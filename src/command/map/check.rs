@@ -6,7 +6,7 @@ use muster_runtime::diagnostic::BadInput;
 use muster_runtime::map_file;
 use muster_runtime::text::figure;
 
-use crate::command::{Failure, Outcome, terminal};
+use crate::command::{Failure, Outcome, describe_each};
 
 /// Check maps, and print what is on them.
 ///
@@ -22,18 +22,7 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let mut unusable = Vec::new();
-    for file in &arguments.files {
-        match describe(file) {
-            Ok(description) => terminal::print(&format!("{}: {description}\n", file.display()))?,
-            Err(error) => unusable.push(error),
-        }
-    }
-    if unusable.is_empty() {
-        Ok(Outcome::Success)
-    } else {
-        Err(Failure::Input(unusable))
-    }
+    describe_each(&arguments.files, describe)
 }
 
 fn describe(file: &Path) -> Result<String, BadInput> {

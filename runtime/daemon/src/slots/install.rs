@@ -7,7 +7,7 @@ use std::os::unix::fs::{OpenOptionsExt, PermissionsExt, chown};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use muster_runtime::identity::{FleetKey, MANIFEST_MAX, Manifest, RELEASE_FILE_MAX, is_plain};
+use muster_runtime::identity::{FleetKey, MANIFEST_MAX, Manifest, RELEASE_FILE_MAX, hex, is_plain};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
@@ -173,12 +173,6 @@ pub fn configuration_digest(files: &BTreeMap<String, [u8; 32]>) -> String {
         digest.update(hash);
     }
     hex(&digest.finalize())
-}
-
-/// Bytes in hexadecimal.
-#[must_use]
-pub fn hex(bytes: &[u8]) -> String {
-    bytes.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// Writes a file of a slot. Returns its SHA-256.

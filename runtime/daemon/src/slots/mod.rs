@@ -29,7 +29,7 @@ use self::disk::Disk;
 pub use self::disk::Failure;
 pub use self::facts::{DroneFacts, HostFacts, SlotFacts};
 pub use self::gate::{DroneHealth, GateLimits};
-pub use self::install::{Incoming, IncomingFile, configuration_digest, hex};
+pub use self::install::{Incoming, IncomingFile, configuration_digest};
 use crate::audit;
 
 /// What `musterd slot` does on a host.

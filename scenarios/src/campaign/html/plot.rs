@@ -7,7 +7,7 @@ use crate::campaign::statistics::Estimate;
 use crate::campaign::summary::{FIGURES, Figure, Summary};
 use crate::campaign::table::interval;
 use crate::report::figures::count;
-use crate::report::html::axis::{Axis, decimals, px, ticks};
+use crate::report::html::axis::{Axis, px, scale};
 use muster_runtime::text::figure;
 
 const WIDTH_PX: f64 = 540.0;
@@ -153,7 +153,7 @@ impl<'a> PlotLayout<'a> {
                     @let (low, high) = (low - margin, high + margin);
                     @let y = Axis::new((low, high), (base, TOP_PX));
                     svg role="img" aria-label=(figure.name) viewBox={ "0 0 " (WIDTH_PX) " " (HEIGHT_PX) } {
-                        (scale(&y, low, high))
+                        (scale(&y, (low, high), 5.0, (LEFT_PX, WIDTH_PX - RIGHT_PX)))
                         line.baseline x1=(LEFT_PX) x2=(WIDTH_PX - RIGHT_PX) y1=(base) y2=(base) {}
                         (self.labels(base))
                         @for (at, (_, members)) in self.series.iter().enumerate() {
@@ -254,19 +254,6 @@ fn shortened(text: &str) -> String {
     }
     let end: String = text.chars().skip(letters - LETTERS_MAX + 1).collect();
     format!("…{end}")
-}
-
-/// Grid lines at round heights, labelled on the left.
-fn scale(y: &Axis, low: f64, high: f64) -> Markup {
-    let heights = ticks(low, high, 5.0);
-    let digits = decimals(&heights);
-    html! {
-        @for height in heights {
-            @let at = px(y.px(height));
-            line.grid x1=(LEFT_PX) x2=(WIDTH_PX - RIGHT_PX) y1=(at) y2=(at) {}
-            text.tick x=(LEFT_PX - 7.0) y=(at) dy="0.35em" text-anchor="end" { (figure(height, digits)) }
-        }
-    }
 }
 
 /// A line through the medians of a series.

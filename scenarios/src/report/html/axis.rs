@@ -1,5 +1,8 @@
 //! Axes and their ticks.
 
+use maud::{Markup, html};
+use muster_runtime::text::figure;
+
 /// Linear map from a range of numbers to a range of pixels.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Axis {
@@ -58,6 +61,25 @@ pub(crate) fn decimals(ticks: &[f64]) -> usize {
             scaled >= 1.0 - 1e-9 && (scaled - scaled.round()).abs() < 1e-6
         })
         .map_or(6, |digits| digits.unsigned_abs() as usize)
+}
+
+/// Grid lines at about `number` round heights from `low` to `high`, labelled on the left. They reach from `left` to `right`, in
+/// pixels.
+pub(crate) fn scale(
+    y: &Axis,
+    (low, high): (f64, f64),
+    number: f64,
+    (left, right): (f64, f64),
+) -> Markup {
+    let heights = ticks(low, high, number);
+    let digits = decimals(&heights);
+    html! {
+        @for height in heights {
+            @let at = px(y.px(height));
+            line.grid x1=(left) x2=(right) y1=(at) y2=(at) {}
+            text.tick x=(left - 7.0) y=(at) dy="0.35em" text-anchor="end" { (figure(height, digits)) }
+        }
+    }
 }
 
 /// Step between shown labels, for labels `pitch_px` apart and `label_px` wide.

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::axis::{Axis, decimals, px, stride, ticks};
+use super::axis::{Axis, px, scale, stride};
 use crate::report::figures::count;
 use crate::report::{DroneReport, Report};
 use muster_runtime::text::{NO_VALUE, figure};
@@ -130,7 +130,7 @@ pub(crate) fn chart(chart: &Chart) -> Markup {
     html! {
         div.scroll[wide] {
             svg role="img" aria-label=(chart.about) .wide[wide] viewBox={ "0 0 " (width) " " (HEIGHT_PX) } {
-                (scale(&y, highest, (left, right)))
+                (scale(&y, (0.0, highest), 4.0, (left, right)))
                 @for (place, bars) in chart.bars.iter().enumerate() {
                     (group(bars, &y, base, left + pitch * count(place as u64), pitch))
                 }
@@ -161,19 +161,6 @@ fn levels_across(chart: &Chart, y: &Axis, (left, right): (f64, f64)) -> Markup {
             line.mean x1=(left) x2=(right) y1=(at) y2=(at) {}
             text.mean-name x=(right + 6.0) y=(at) dy=(name_dy) { (level.name) }
             text.mean-name x=(right + 6.0) y=(at) dy=(figure_dy) { (figure(level.height, chart.digits)) }
-        }
-    }
-}
-
-/// Grid lines at round heights, labelled on the left.
-fn scale(y: &Axis, highest: f64, (left, right): (f64, f64)) -> Markup {
-    let heights = ticks(0.0, highest, 4.0);
-    let digits = decimals(&heights);
-    html! {
-        @for height in heights {
-            @let at = px(y.px(height));
-            line.grid x1=(left) x2=(right) y1=(at) y2=(at) {}
-            text.tick x=(left - 7.0) y=(at) dy="0.35em" text-anchor="end" { (figure(height, digits)) }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use maud::{Markup, html};
 
-use super::axis::{Axis, decimals, px, ticks};
+use super::axis::{Axis, px, scale};
 use super::document;
 use muster_runtime::text::figure;
 
@@ -71,8 +71,6 @@ fn plot(name: &str, about: &str, points: &[Scaling], of: impl Fn(&Scaling) -> f6
     let x = Axis::new((low, high), (LEFT_PX + 20.0, WIDTH_PX - RIGHT_PX));
     let most = points.iter().map(&of).fold(0.0, f64::max) * 1.05;
     let y = Axis::new((0.0, most), (base, TOP_PX));
-    let heights = ticks(0.0, most, 5.0);
-    let digits = decimals(&heights);
     let places: Vec<_> = sizes().map(|size| x.px(size)).zip(points).collect();
     let line: Vec<_> = places
         .iter()
@@ -82,11 +80,7 @@ fn plot(name: &str, about: &str, points: &[Scaling], of: impl Fn(&Scaling) -> f6
         figure {
             figcaption { (name) span { (about) } }
             svg role="img" aria-label=(name) viewBox={ "0 0 " (WIDTH_PX) " " (HEIGHT_PX) } {
-                @for height in heights {
-                    @let at = px(y.px(height));
-                    line.grid x1=(LEFT_PX) x2=(WIDTH_PX - RIGHT_PX) y1=(at) y2=(at) {}
-                    text.tick x=(LEFT_PX - 7.0) y=(at) dy="0.35em" text-anchor="end" { (figure(height, digits)) }
-                }
+                (scale(&y, (0.0, most), 5.0, (LEFT_PX, WIDTH_PX - RIGHT_PX)))
                 line.baseline x1=(LEFT_PX) x2=(WIDTH_PX - RIGHT_PX) y1=(base) y2=(base) {}
                 g.s0 {
                     polyline.through points=(line.join(" ")) {}
