@@ -17,6 +17,8 @@ use super::network::{GROUP, Network};
 
 /// Time limit for a condition that must come true; several times the usual time.
 pub(super) const TIMEOUT: Duration = Duration::from_secs(120);
+/// Lines of each drone's log that a failed test shows.
+const SHOWN: usize = 100;
 
 /// The daemon's program: that of the environment variable `MUSTERD`, or the one that `cargo test --workspace` builds next to
 /// `muster`.
@@ -397,7 +399,16 @@ impl Process {
 }
 
 impl Drop for Process {
+    /// A test that fails shows how the log ends.
+    #[expect(clippy::print_stderr, reason = "why a test failed")]
     fn drop(&mut self) {
+        if std::thread::panicking() {
+            let read = self.log.iter().map(ToString::to_string);
+            let lines: Vec<_> = read.chain(self.lines.try_iter()).collect();
+            for line in &lines[lines.len().saturating_sub(SHOWN)..] {
+                eprintln!("drone {}: {line}", self.id);
+            }
+        }
         // It fails if the process has ended.
         let _ = self.child.kill();
         let _ = self.child.wait();

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use crate::acknowledgements::Acknowledgements;
 use crate::schedule::{Schedule, Write};
 use crate::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Decode, DecodeError,
@@ -21,6 +22,8 @@ pub enum Telemetry {
     Sonar(Sonar),
     Analog(Analog),
     Battery(BatteryState),
+    /// How many of the newest [`RC_COUNTED`](crate::RC_COUNTED) RC frames were acknowledged.
+    Acknowledged(u32),
 }
 
 /// An answer that says nothing.
@@ -36,6 +39,7 @@ pub enum BadAnswer {
 #[derive(Debug, Default)]
 pub struct Conversation {
     schedule: Schedule,
+    acknowledgements: Acknowledgements,
     identity: Identity,
     /// The newest modes.
     modes: Option<Modes>,
@@ -54,6 +58,7 @@ impl Conversation {
     /// Starts anew with a port that was opened again. The newest sticks are kept.
     pub fn reopen(&mut self, now: Duration) {
         self.schedule.reopen(now);
+        self.acknowledgements = Acknowledgements::default();
         (self.identity, self.modes) = (Identity::default(), None);
     }
 
@@ -69,7 +74,16 @@ impl Conversation {
 
     /// The one command of this tick. Ticks are [`TICK`](crate::TICK) apart, or later.
     pub fn tick(&mut self, now: Duration) -> Option<Write> {
-        self.schedule.tick(now)
+        let write = self.schedule.tick(now);
+        if let Some(Write::Rc(_)) = write {
+            self.acknowledgements.write();
+        }
+        write
+    }
+
+    /// The controller has acknowledged an RC frame. Now and then this says how many it acknowledges.
+    pub fn acknowledged(&mut self) -> Option<Telemetry> {
+        self.acknowledgements.take().map(Telemetry::Acknowledged)
     }
 
     /// Whether RC is going out.

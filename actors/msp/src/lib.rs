@@ -6,6 +6,7 @@
 //! Layouts are those of Betaflight 4.6 (`src/main/msp/msp.c`, API 1.47). Fields of newer firmware are ignored, fields that
 //! older firmware lacks are `Option`s.
 
+mod acknowledgements;
 mod channels;
 pub mod check;
 mod configuration;
@@ -17,6 +18,7 @@ mod message;
 mod response;
 mod schedule;
 
+pub use acknowledgements::RC_COUNTED;
 pub use channels::{
     AUX_MAX, CHANNELS_MAX, Channel, MotorOutput, OutOfRange, Rc, ReceivedMotors, ReceivedRc,
     SetMotor, SetRawRc, Sticks, TooManyChannels,

@@ -4,10 +4,12 @@ use std::time::Duration;
 
 use muster_controller::{Contact, Controller, Fault, PoseSensor, Truth};
 use muster_machines::identity::NodeId;
-use muster_machines::msp::controller::{LOST_AFTER, Receiver, Stage};
+use muster_machines::msp::controller::{ACKNOWLEDGED_MIN, LOST_AFTER, Receiver, Stage};
 use muster_machines::msp::{Introduction, PortEvent};
 use muster_machines::time::Timestamp;
-use muster_msp::{Conversation, Decoder, Direction, Frame, Message, SetRawRc, Write};
+use muster_msp::{
+    Conversation, Decoder, Direction, Frame, Message, SetRawRc, Telemetry as Told, Write,
+};
 use muster_runtime::vehicle::VehicleKind;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -36,7 +38,8 @@ struct Attached {
     is_identified: bool,
     /// The newest answer of an armed controller.
     heard_at: Timestamp,
-    /// The drone's process must stop RC until the controller disarms: its failsafe flies, or no answer came for too long.
+    /// The drone's process must stop RC until the controller disarms: its failsafe flies, no answer came for
+    /// too long, or too few RC frames were acknowledged.
     is_lost: bool,
     looked_at: Option<Timestamp>,
     was_armed: bool,
@@ -355,8 +358,14 @@ impl Attached {
         let (conversation, figures) = (&mut self.conversation, &mut self.figures);
         let mut take = |frame: Frame<'_>| {
             let is_rc = frame.command == SetRawRc::COMMAND && frame.direction == Direction::Reply;
-            figures.rc_acknowledged += u64::from(is_rc);
-            if let Some((_, Ok(Some(telemetry)))) = conversation.take(elapsed(now), &frame) {
+            if is_rc {
+                figures.rc_acknowledged += 1;
+                let told = conversation.acknowledged();
+                if let Some(Told::Acknowledged(count)) = told {
+                    self.is_lost |= self.was_armed && count < ACKNOWLEDGED_MIN;
+                }
+                events.extend(told.map(PortEvent::Told));
+            } else if let Some((_, Ok(Some(telemetry)))) = conversation.take(elapsed(now), &frame) {
                 self.heard_at = now;
                 events.push(PortEvent::Told(telemetry));
             }

@@ -108,7 +108,12 @@ impl Inbox {
             return;
         }
         if frame.command == RC {
-            self.status.rc_acknowledged += u64::from(frame.direction == Direction::Reply);
+            if frame.direction == Direction::Reply {
+                self.status.rc_acknowledged += 1;
+                if let Some(told) = self.conversation.acknowledged() {
+                    self.push(Event::Telemetry(told));
+                }
+            }
             return;
         }
         let Some((delay, told)) = self.conversation.take(now, frame) else {

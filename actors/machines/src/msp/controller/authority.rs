@@ -13,6 +13,11 @@ use crate::time::Timestamp;
 /// delay, 1 s or more, comes down by itself.
 pub const LOST_AFTER: Duration = Duration::from_secs(1);
 
+/// Of the newest [`RC_COUNTED`](muster_msp::RC_COUNTED) RC frames, how many must be acknowledged; with fewer the link to an armed
+/// controller is lost, too. With 2 % of all bytes altered 41 are; then ten frames in a row, after which Betaflight counts its
+/// receiver as lost and closes the throttle, are lost every ten seconds.
+pub const ACKNOWLEDGED_MIN: u32 = 40;
+
 /// What was taken from a link, as its checkpoint keeps it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Taken {
@@ -63,6 +68,14 @@ impl Authority {
     /// The controller told something.
     pub(super) fn heard(&mut self, now: Timestamp) {
         self.silence.heard(now);
+    }
+
+    /// The controller has acknowledged that many of the newest RC frames. Returns whether the link has just been lost.
+    pub(super) fn count_acknowledged(&mut self, acknowledged: u32) -> bool {
+        let is_lost =
+            self.may_send() && self.silence.deadline().is_some() && acknowledged < ACKNOWLEDGED_MIN;
+        self.taken.by_failsafe |= is_lost;
+        is_lost
     }
 
     /// The controller's report is believed.
@@ -145,6 +158,20 @@ mod tests {
             },
         );
         assert!(restarted.is_links());
+    }
+
+    #[test]
+    fn too_few_acknowledged_frames_lose_an_armed_vehicle_only() {
+        let mut authority = authority(Taken::default());
+        assert!(!authority.count_acknowledged(ACKNOWLEDGED_MIN) && authority.may_send());
+        assert!(authority.count_acknowledged(ACKNOWLEDGED_MIN - 1) && !authority.may_send());
+        assert!(!authority.count_acknowledged(0), "not lost twice");
+        let disarmed = Reported {
+            armed: false,
+            ..FLOWN
+        };
+        authority.take(at(100), disarmed);
+        assert!(!authority.count_acknowledged(0) && authority.may_send());
     }
 
     #[test]

@@ -19,7 +19,7 @@ use serde::{Deserialize, Serialize};
 
 use self::arming::Arming;
 use self::authority::Authority;
-pub use self::authority::{LOST_AFTER, Taken};
+pub use self::authority::{ACKNOWLEDGED_MIN, LOST_AFTER, Taken};
 use self::battery::Gauge;
 pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
 use self::control::{Control, Lean};
@@ -254,6 +254,12 @@ impl ControllerLink {
                     }
                     Told::Gps(_) => return,
                     Told::Battery(state) => self.gauge.measure(&state),
+                    Told::Acknowledged(count) => {
+                        if self.authority.count_acknowledged(count) {
+                            self.lose(now);
+                        }
+                        return;
+                    }
                     Told::Rc(_) | Told::Sonar(_) | Told::Analog(_) => return,
                 }
                 self.take_up(now);
@@ -267,6 +273,13 @@ impl ControllerLink {
         self.reports.close();
         self.deadline = None;
         self.outbox.transmit(Transmit::Rc(None));
+    }
+
+    /// The link was lost in flight: the controller's failsafe is to fly.
+    fn lose(&mut self, now: Timestamp) {
+        self.outbox.transmit(Transmit::Rc(None));
+        self.keep();
+        self.report_news(now);
     }
 
     fn handle_status(&mut self, now: Timestamp, status: &Status) {
@@ -527,9 +540,7 @@ impl Machine for ControllerLink {
 
     fn handle_timeout(&mut self, now: Timestamp) {
         if self.authority.handle_timeout(now) {
-            self.outbox.transmit(Transmit::Rc(None));
-            self.keep();
-            self.report_news(now);
+            self.lose(now);
         }
         if self.deadline.is_some_and(|at| at <= now) {
             self.step(now);
