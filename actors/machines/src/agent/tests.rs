@@ -1,3 +1,5 @@
+mod failures;
+
 use std::num::NonZeroU32;
 use std::sync::{Arc, Mutex};
 
@@ -377,94 +379,6 @@ fn agent_that_lands_when_a_timer_expires_has_no_deadline_left() {
 }
 
 #[test]
-fn operators_and_failures_land_the_drone_whatever_its_agent_does() {
-    type Cause = fn(&mut Drone) -> (Vec<Transmit>, Vec<Event>);
-    let causes: [(LandingReason, Cause); 4] = [
-        (LandingReason::MissionOver, |drone| {
-            drone.order(
-                4,
-                &Order::Land {
-                    at: Ned::HOME,
-                    changes: 0,
-                    wave: 0,
-                    apart: true,
-                },
-            )
-        }),
-        (LandingReason::ActorGivenUp, |drone| {
-            drone.input(Input::GiveUp)
-        }),
-        (LandingReason::FlightTime, |drone| drone.wait(601 * SECOND)),
-        (LandingReason::BatteryLow, |drone| {
-            drone.input(Input::Navigation(NavigationNotice::Failing {
-                failure: Failure::BatteryLow,
-                stop: Ned::HOME,
-                is_airborne: true,
-            }))
-        }),
-    ];
-    for (reason, cause) in causes {
-        let mut drone = member_on_task();
-        let (transmits, events) = cause(&mut drone);
-        assert_eq!(goals(&transmits).last(), Some(&Goal::Land), "{reason:?}");
-        assert!(events.contains(&Event::Landing(reason)), "{reason:?}");
-    }
-}
-
-#[test]
-fn restarted_agent_has_its_kept_state_and_its_drone_its_goal() {
-    let mut drone = member_on_task();
-    drone.restart();
-    let (transmits, _) = drone.wait(Duration::ZERO);
-    assert_eq!(drone.calls(), ["start, kept Some([111, 110, 101])"]);
-    let goal = Goal::FlyTo {
-        to: Ned::new(50.0, 0.0, -10.0),
-        hold_altitude_m: 10.0,
-    };
-    assert_eq!(goals(&transmits).first(), Some(&goal));
-    assert!(transmits.contains(&Transmit::Resync));
-    assert_eq!(*drone.host.mission().roster(), roster(&[2]));
-    // The routing repeats the newest order, which was acknowledged before.
-    let order = Order::Task {
-        roster: roster(&[0, 1, 2]),
-    };
-    drone.order(3, &order);
-    assert_eq!(*drone.host.mission().roster(), roster(&[0, 1, 2]));
-}
-
-#[test]
-fn failed_agent_is_built_anew_and_what_it_asked_for_is_not_done() {
-    let mut drone = member_on_task();
-    let (transmits, events) = drone.message(b"panic");
-    assert_eq!(transmits, []);
-    let failed = Event::AgentFailed("told to".to_owned());
-    assert_eq!(events.as_slice(), std::slice::from_ref(&failed));
-    drone.calls();
-    drone.wait(Duration::ZERO);
-    assert_eq!(drone.calls(), ["start, kept Some([111, 110, 101])"]);
-    let (_, events) = drone.message(b"panic");
-    assert_eq!(events.as_slice(), std::slice::from_ref(&failed));
-    drone.calls();
-    drone.wait(SECOND / 2);
-    assert_eq!(
-        drone.calls(),
-        Vec::<String>::new(),
-        "the second restart backs off"
-    );
-    drone.wait(SECOND / 2);
-    let (transmits, events) = drone.message(b"panic");
-    assert!(events.contains(&Event::Landing(LandingReason::ActorGivenUp)));
-    assert_eq!(goals(&transmits), [Goal::Land]);
-}
-
-#[test]
-fn restarted_navigation_is_given_the_goal_again() {
-    let mut drone = member_on_task();
-    let (transmits, _) = drone.input(Input::Navigation(NavigationNotice::Resync));
-    assert_eq!(goals(&transmits).len(), 1);
-}
-
-#[test]
 fn elected_leader_publishes_the_roster_without_the_lost_one() {
     let mut drone = member_on_task();
     drone.notice(Notice::MasterSilent);
@@ -517,69 +431,6 @@ fn drone_that_is_not_in_its_slot_when_the_task_begins_lands() {
     );
     assert!(events.contains(&Event::Landing(LandingReason::Late)));
     assert_eq!(drone.calls(), Vec::<String>::new());
-}
-
-#[test]
-fn limits_of_messages_and_kept_states_are_errors() {
-    struct Greedy(Calls);
-    impl Agent for Greedy {
-        fn start(&mut self, context: &mut Context<'_>) {
-            let long = vec![0; MESSAGE_MAX + 1];
-            let to = Destination::Leader;
-            let error = context.send(to, &long, Reliability::BestEffort);
-            let mut calls = self.0.lock().unwrap();
-            calls.push(error.unwrap_err().to_string());
-            calls.push(context.keep(&long[..=KEPT_MAX]).unwrap_err().to_string());
-            let sent = (0..100).filter(|_| context.send(to, b"x", Reliability::BestEffort).is_ok());
-            calls.push(sent.count().to_string());
-        }
-    }
-    let mut drone = member_in_slot();
-    let calls = Arc::clone(&drone.calls);
-    let factory = Factory::new(move || Box::new(Greedy(Arc::clone(&calls))));
-    drone.host.replace_factory(factory);
-    let (transmits, _) = drone.order(
-        3,
-        &Order::Task {
-            roster: roster(&[2]),
-        },
-    );
-    assert_eq!(messages(&transmits), MESSAGES_PER_STEP_MAX);
-    assert_eq!(
-        drone.calls(),
-        [
-            "1048577 bytes are too many; accepted are at most 1048576",
-            "16385 bytes are too many; accepted are at most 16384",
-            "64"
-        ]
-    );
-}
-
-#[test]
-fn destinations_are_kept_above_the_ground_and_below_the_limit() {
-    for (altitude_m, flown_m) in [(-3.0, ALTITUDE_MIN_M), (40.0, 40.0), (500.0, 100.0)] {
-        struct To(f64);
-        impl Agent for To {
-            fn start(&mut self, context: &mut Context<'_>) {
-                context.go_to(Ned::new(0.0, 0.0, -self.0));
-            }
-        }
-        let mut drone = member_in_slot();
-        let factory = Factory::new(move || Box::new(To(altitude_m)));
-        drone.host.replace_factory(factory);
-        let (transmits, _) = drone.order(
-            3,
-            &Order::Task {
-                roster: roster(&[2]),
-            },
-        );
-        let to = Ned::new(0.0, 0.0, -flown_m);
-        let goal = Goal::FlyTo {
-            to,
-            hold_altitude_m: flown_m,
-        };
-        assert_eq!(goals(&transmits), [goal]);
-    }
 }
 
 #[test]
