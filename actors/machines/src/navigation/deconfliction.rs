@@ -211,9 +211,9 @@ impl Deconfliction {
             .is_some()
     }
 
-    /// Starts anew for another goal; `in_lockstep` is whether it is flown in lockstep with the followers of its master.
-    pub(super) const fn reset(&mut self, in_lockstep: bool) {
-        self.traffic.set_in_lockstep(in_lockstep);
+    /// Starts anew for another goal; `in_lockstep` is whether it is flown in lockstep with the others.
+    pub(super) fn reset(&mut self, now: Timestamp, in_lockstep: bool) {
+        self.traffic.set_in_lockstep(now, in_lockstep);
         self.waiting_since = None;
         self.next_retry = None;
     }

@@ -64,7 +64,7 @@ impl Navigation {
         match checkpoint {
             Some(checkpoint) => {
                 navigation.durable = checkpoint;
-                navigation.reset_deconfliction();
+                navigation.reset_deconfliction(Timestamp::ZERO);
                 navigation.inform(Notice::Resync);
                 navigation.command(FlightCommand::Report);
             }
@@ -100,7 +100,7 @@ impl Navigation {
         }
         if self.durable.goal != Some(goal) {
             self.durable.goal = Some(goal);
-            self.reset_deconfliction();
+            self.reset_deconfliction(now);
             self.set_progress(Progress::Planning);
         }
         if self.durable.progress == Progress::Done {
@@ -111,10 +111,10 @@ impl Navigation {
     }
 
     /// Starts deconfliction anew for the current goal; only [`Goal::FlyTo`] is flown in lockstep.
-    fn reset_deconfliction(&mut self) {
+    fn reset_deconfliction(&mut self, now: Timestamp) {
         let in_lockstep = matches!(self.durable.goal, Some(Goal::FlyTo { .. }));
         if let Some(deconfliction) = &mut self.deconfliction {
-            deconfliction.reset(in_lockstep);
+            deconfliction.reset(now, in_lockstep);
         }
     }
 

@@ -48,6 +48,14 @@ impl Intent {
         self.has_priority && !self.lands()
     }
 
+    /// The same at the end of the path.
+    pub(super) const fn arrived(self) -> Self {
+        Self {
+            from_dm: self.to_dm,
+            ..self
+        }
+    }
+
     /// Remaining path, in metres.
     pub(super) fn remaining(self) -> Path {
         let Path { from, to } = self.path();

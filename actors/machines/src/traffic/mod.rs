@@ -92,8 +92,8 @@ impl Config {
 pub(crate) struct Traffic {
     own: NodeId,
     config: Config,
-    /// Whether it flies in lockstep with the followers of its master.
-    in_lockstep: bool,
+    /// Since when it flies in lockstep with the others; `None` if it does not.
+    in_lockstep_since: Option<Timestamp>,
     others: BTreeMap<NodeId, (Intent, Timestamp)>,
 }
 
@@ -102,14 +102,14 @@ impl Traffic {
         Self {
             own,
             config,
-            in_lockstep: false,
+            in_lockstep_since: None,
             others: BTreeMap::new(),
         }
     }
 
-    /// Sets whether the drone flies in lockstep with the followers of its master.
-    pub(crate) const fn set_in_lockstep(&mut self, in_lockstep: bool) {
-        self.in_lockstep = in_lockstep;
+    /// Sets whether the drone flies in lockstep with the others from now on.
+    pub(crate) fn set_in_lockstep(&mut self, now: Timestamp, in_lockstep: bool) {
+        self.in_lockstep_since = in_lockstep.then_some(now);
     }
 
     /// Whether drones follow a moving master.
@@ -206,7 +206,7 @@ impl Traffic {
                         ((whole.to - whole.from).0 - (other.to - other.from).0).norm();
                     difference_m < PARALLEL_M
                 };
-                let is_in_lockstep = self.in_lockstep
+                let is_in_lockstep = self.in_lockstep_since.is_some()
                     && self.config.has_followers
                     && self.others[id].0.is_following();
                 let is_near_here = match space.precedence {
@@ -245,10 +245,23 @@ impl Traffic {
                 Some(OccupiedSpace::of(*intent))
             } else {
                 let is_in_reach = apart_m(intent) <= reach_m * SURELY_HEARD;
-                self.space_of_silent(silent, *intent, is_in_reach)
+                let intent = self.where_ordered(*at, *intent);
+                self.space_of_silent(silent, intent, is_in_reach)
             };
             Some((*id, space?))
         })
+    }
+
+    /// The intent of a silent drone that was heard at `at`, or its arrival, if an order to fly in lockstep came while it was
+    /// silent: the master gives such an order when all have arrived.
+    fn where_ordered(&self, at: Timestamp, intent: Intent) -> Intent {
+        let silent_from = at + self.config.silent_after();
+        let has_arrived = self.in_lockstep_since.is_some_and(|it| silent_from <= it);
+        if has_arrived && !intent.lands() {
+            intent.arrived()
+        } else {
+            intent
+        }
     }
 
     /// Space that a drone may occupy that announced this and has been silent since.

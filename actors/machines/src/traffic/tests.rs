@@ -224,6 +224,25 @@ fn silent_drone_at_the_edge_of_the_range_is_not_taken_for_dead() {
 }
 
 #[test]
+fn silent_drone_has_arrived_when_an_order_to_fly_in_lockstep_comes() {
+    let crossing = path(at(60.0, -60.0, 12.0), at(60.0, 60.0, 12.0));
+    let down = path(at(60.0, 0.0, 12.0), at(60.0, 0.0, 0.0));
+    let leg = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
+    // A drone is silent after 3 s.
+    for (announced, ordered_s, is_clear) in [
+        (crossing, 2.9, false),
+        (crossing, 3.0, true),
+        (down, 3.0, false),
+    ] {
+        let mut known = traffic(&[(2, announced)]);
+        known.set_in_lockstep(seconds(ordered_s), true);
+        assert_eq!(known.is_clear(seconds(3.1), leg), is_clear, "{ordered_s} s");
+        known.set_in_lockstep(seconds(3.1), false);
+        assert!(!known.is_clear(seconds(3.1), leg));
+    }
+}
+
+#[test]
 fn only_a_drone_in_lockstep_flies_among_followers() {
     let (here, ahead) = (at(60.0, 0.0, 12.0), at(64.0, 0.0, 12.0));
     let leg = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
@@ -231,7 +250,7 @@ fn only_a_drone_in_lockstep_flies_among_followers() {
     let is_following = Intent::of(path(here, ahead), 0.0, true);
     known.update(seconds(0.0), NodeId(9), Some(is_following));
     assert!(!known.is_clear(seconds(1.0), leg) && known.must_give_way(seconds(1.0), leg, leg));
-    known.set_in_lockstep(true);
+    known.set_in_lockstep(seconds(0.0), true);
     assert!(known.is_clear(seconds(1.0), leg));
     known.config.has_followers = false;
     assert!(
