@@ -92,9 +92,11 @@ struct Gaps {
 
 #[expect(clippy::print_stdout, reason = "a measurement")]
 fn gaps(name: &str, receiver: &Receiver, since: Instant) -> Gaps {
-    let seen = receiver.seen();
-    let times = seen.rc.iter().map(|(at, _)| *at);
-    let times: Vec<_> = times.filter(|at| *at >= since).collect();
+    // The controller waits while what it has seen is looked at.
+    let mut times: Vec<_> = receiver.seen().rc.iter().map(|(at, _)| *at).collect();
+    let before = times.partition_point(|at| *at < since);
+    times.drain(..before.saturating_sub(1));
+    times.push(Instant::now());
     let mut gaps: Vec<_> = times.windows(2).map(|it| it[1] - it[0]).collect();
     gaps.sort();
     let p99 = gaps[gaps.len() * 99 / 100];

@@ -363,7 +363,7 @@ impl Motion {
         acceleration: Vector3<f64>,
         seconds: f64,
     ) -> Timestamp {
-        let end = start + Duration::from_secs_f64(seconds);
+        let end = start + Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
         self.pieces.push(Piece {
             start,
             end,

@@ -32,9 +32,13 @@ impl Acknowledgements {
         self.written = self.written.saturating_add(1);
     }
 
-    /// An RC frame was acknowledged. Yields how many of the newest [`RC_COUNTED`] were, now and then.
-    pub(crate) const fn take(&mut self) -> Option<u32> {
+    /// An RC frame was acknowledged.
+    pub(crate) const fn take(&mut self) {
         self.frames |= self.frames.wrapping_add(1);
+    }
+
+    /// How many of the newest [`RC_COUNTED`] were acknowledged, once in [`COUNTED_EVERY`] frames.
+    pub(crate) const fn count(&mut self) -> Option<u32> {
         if self.written < COUNTED_EVERY {
             return None;
         }
@@ -53,8 +57,10 @@ mod tests {
         let mut last = None;
         for number in 0..1_000_usize {
             acknowledgements.write();
-            let due = number.checked_sub(late).filter(|it| is_acknowledged(*it));
-            last = due.and_then(|_| acknowledgements.take()).or(last);
+            if number.checked_sub(late).is_some_and(&is_acknowledged) {
+                acknowledgements.take();
+            }
+            last = acknowledgements.count().or(last);
         }
         last
     }
@@ -66,7 +72,8 @@ mod tests {
         assert_eq!(counted(0, |it| it % 4 == 0), Some(25));
         assert_eq!(counted(1, |it| it % 2 == 0), Some(50));
         assert_eq!(counted(0, |it| it >= 500), Some(100));
-        assert_eq!(counted(0, |_| false), None);
+        assert_eq!(counted(0, |it| it < 980), Some(80));
+        assert_eq!(counted(0, |_| false), Some(0));
     }
 
     #[test]
@@ -74,9 +81,11 @@ mod tests {
         let mut acknowledgements = Acknowledgements::default();
         for _ in 0..COUNTED_EVERY - 1 {
             acknowledgements.write();
-            assert_eq!(acknowledgements.take(), None);
+            acknowledgements.take();
+            assert_eq!(acknowledgements.count(), None);
         }
         acknowledgements.write();
-        assert_eq!(acknowledgements.take(), Some(100));
+        acknowledgements.take();
+        assert_eq!(acknowledgements.count(), Some(100));
     }
 }

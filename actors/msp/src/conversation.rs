@@ -24,6 +24,8 @@ pub enum Telemetry {
     Battery(BatteryState),
     /// How many of the newest [`RC_COUNTED`](crate::RC_COUNTED) RC frames were acknowledged.
     Acknowledged(u32),
+    /// An answer that came too late to say how it is now. The controller lives.
+    Late,
 }
 
 /// An answer that says nothing.
@@ -33,6 +35,15 @@ pub enum BadAnswer {
     Refused,
     /// The payload is too short or too long.
     Malformed(DecodeError),
+}
+
+/// An answer of a controller.
+#[derive(Debug)]
+pub struct Answer {
+    /// How long it took, if it came in time.
+    pub delay: Option<Duration>,
+    /// What it says; `None` if that is not for a link.
+    pub told: Result<Option<Telemetry>, BadAnswer>,
 }
 
 /// Asks a controller who it is and how it does, and sends RC on time. It is told the time, as a duration since any start.
@@ -81,9 +92,14 @@ impl Conversation {
         write
     }
 
-    /// The controller has acknowledged an RC frame. Now and then this says how many it acknowledges.
-    pub fn acknowledged(&mut self) -> Option<Telemetry> {
-        self.acknowledgements.take().map(Telemetry::Acknowledged)
+    /// The controller has acknowledged an RC frame.
+    pub fn acknowledged(&mut self) {
+        self.acknowledgements.take();
+    }
+
+    /// How many RC frames the controller acknowledges, now and then; to be called after each tick.
+    pub fn count_acknowledged(&mut self) -> Option<Telemetry> {
+        self.acknowledgements.count().map(Telemetry::Acknowledged)
     }
 
     /// Whether RC is going out.
@@ -104,17 +120,19 @@ impl Conversation {
         self.schedule.is_identified().then_some(&self.identity)
     }
 
-    /// Takes a frame from the controller: how long the answer took, and what it says. `None` if it answers no question.
-    pub fn take(
-        &mut self,
-        now: Duration,
-        frame: &Frame<'_>,
-    ) -> Option<(Duration, Result<Option<Telemetry>, BadAnswer>)> {
+    /// Takes a frame from the controller. `None` if it answers no question.
+    pub fn take(&mut self, now: Duration, frame: &Frame<'_>) -> Option<Answer> {
         if frame.direction == Direction::Request {
             return None;
         }
         let is_refused = frame.direction == Direction::Error;
-        let (query, delay) = self.schedule.answered(now, frame.command, is_refused)?;
+        let Some((query, delay)) = self.schedule.answered(now, frame.command, is_refused) else {
+            let is_late = self.schedule.is_answered_late(now, frame.command);
+            return is_late.then_some(Answer {
+                delay: None,
+                told: Ok(Some(Telemetry::Late)),
+            });
+        };
         let told = if is_refused {
             Err(BadAnswer::Refused)
         } else {
@@ -124,7 +142,10 @@ impl Conversation {
         if let Ok(Some(Telemetry::Status(status))) = &told {
             self.confirm(status);
         }
-        Some((delay, told))
+        Some(Answer {
+            delay: Some(delay),
+            told,
+        })
     }
 
     /// Asks at once again if the modes have changed: a link acts on them when they are told twice.

@@ -24,7 +24,7 @@ pub use channels::{
     SetMotor, SetRawRc, Sticks, TooManyChannels,
 };
 pub use configuration::{Ask, Configuration, Identity, OverrideSettings, ask};
-pub use conversation::{BadAnswer, Conversation, Telemetry};
+pub use conversation::{Answer, BadAnswer, Conversation, Telemetry};
 pub use decoder::{Counts, Decoder, FRAME_TIME_MAX};
 pub use field::{Counted, Letters, Payload, ShortText, Text, Unused};
 pub use frame::{

@@ -17,6 +17,8 @@ pub const RC_HOLD: Duration = Duration::from_millis(100);
 /// How long an answer may take before the question counts as lost and is asked again: ten ticks. Meanwhile nothing else is
 /// asked.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
+/// Time after a question for which its answer shows that the controller lives.
+const LATE_MAX: Duration = Duration::from_secs(2);
 
 /// How often in a row a question is refused until it is not asked any more. An altered byte makes an answer a refusal that no
 /// checksum finds.
@@ -111,6 +113,8 @@ struct Due {
     query: Query,
     /// How often it was refused in a row.
     refusals: u8,
+    /// When it was asked last, if that was not answered.
+    unanswered: Option<Duration>,
 }
 
 /// A question that waits for its answer.
@@ -127,6 +131,7 @@ impl Outstanding {
             at,
             query,
             refusals,
+            ..
         } = self.due;
         let (at, refusals) = if is_refused {
             (now, refusals + 1)
@@ -138,6 +143,7 @@ impl Outstanding {
             at,
             query,
             refusals,
+            unanswered: None,
         })
     }
 }
@@ -159,6 +165,7 @@ const fn due(at: Duration, query: Query) -> Due {
         at,
         query,
         refusals: 0,
+        unanswered: None,
     }
 }
 
@@ -257,6 +264,7 @@ impl Schedule {
             self.outstanding = None;
             self.queries.push_back(Due {
                 at: now,
+                unanswered: Some(outstanding.asked),
                 ..outstanding.due
             });
         }
@@ -265,6 +273,13 @@ impl Schedule {
         let due = self.queries.remove(place)?;
         self.outstanding = Some(Outstanding { due, asked: now });
         Some(due.query)
+    }
+
+    /// Whether this may be the late answer of a question that counts as lost.
+    pub(crate) fn is_answered_late(&self, now: Duration, command: u16) -> bool {
+        let asked = |it: &Due| it.unanswered.filter(|_| it.query.command == command);
+        let mut asked = self.queries.iter().filter_map(asked);
+        asked.any(|asked| now.saturating_sub(asked) < LATE_MAX)
     }
 
     /// Takes an answer: the question and how long it took, `None` if it answers none. A question that is refused three times

@@ -122,6 +122,7 @@ fn overridden() -> Configuration {
     craft.features.features = FeatureConfig::RX_SERIAL;
     craft.identity.version = version(26, 6, 0);
     craft.identity.boxes.modes = vec![Mode::Arm, Mode::Angle, Mode::MspOverride];
+    craft.ranges.ranges[1] = range(Mode::Angle, 1, 900, 2100);
     craft
         .ranges
         .ranges
@@ -146,7 +147,7 @@ fn a_safe_configuration_breaks_no_rule() {
 /// A change of a configuration.
 type Change = fn(&mut Configuration);
 
-const SOLE: [(&str, Change); 25] = [
+const SOLE: [(&str, Change); 27] = [
     ("firmware", |it| {
         it.identity.variant.variant = Letters(*b"INAV");
     }),
@@ -221,6 +222,12 @@ const SOLE: [(&str, Change); 25] = [
     }),
     ("angle-mode", |it| {
         it.ranges.ranges.remove(1);
+    }),
+    ("angle-range", |it| {
+        it.ranges.ranges[1] = range(Mode::Angle, 1, 900, 1900);
+    }),
+    ("angle-range", |it| {
+        it.ranges.ranges[1] = range(Mode::Angle, 2, 1300, 2100);
     }),
 ];
 
@@ -317,7 +324,7 @@ const OF_ANY_CRAFT: [(&str, Change); 11] = [
     }),
 ];
 
-const OVERRIDDEN: [(&str, Change); 11] = [
+const OVERRIDDEN: [(&str, Change); 12] = [
     ("receiver", |it| {
         it.features.features |= FeatureConfig::RX_MSP;
     }),
@@ -339,6 +346,12 @@ const OVERRIDDEN: [(&str, Change); 11] = [
     ("override-mask", |it| {
         settings(it).mask = 7;
     }),
+    ("override-mask", |it| {
+        settings(it).mask = 0b10_1111;
+    }),
+    ("angle-range", |it| {
+        it.ranges.ranges[1] = range(Mode::Angle, 1, 1300, 2100);
+    }),
     ("override-failsafe", |it| {
         settings(it).failsafe = true;
     }),
@@ -348,9 +361,6 @@ const OVERRIDDEN: [(&str, Change); 11] = [
     ("override-range", |it| {
         let switch = it.ranges.ranges.last_mut().expect("the craft has it");
         *switch = range(Mode::MspOverride, 2, 900, 2100);
-    }),
-    ("override-arm", |it| {
-        settings(it).mask = 31;
     }),
 ];
 

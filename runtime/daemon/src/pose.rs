@@ -11,6 +11,8 @@ use tokio::sync::mpsc::Sender;
 
 /// Longest message, in bytes; a longer one is ignored.
 const MESSAGE_MAX: usize = 512;
+/// Largest coordinate of a pose, in metres: no drone flies that far from its home.
+const PLACE_MAX_M: f64 = 100_000.0;
 /// How long the thread waits before it looks whether the process has ended.
 const WAIT: Duration = Duration::from_millis(200);
 
@@ -58,8 +60,12 @@ impl Message {
     pub fn read(datagram: &[u8]) -> Option<Pose> {
         let message: Self = serde_json::from_slice(datagram).ok()?;
         let age_s = message.age_ms / 1_000.0;
+        let place_m = [message.north_m, message.east_m, message.down_m];
+        if place_m.iter().any(|it| it.abs() > PLACE_MAX_M) {
+            return None;
+        }
         Some(Pose {
-            position: Ned::new(message.north_m, message.east_m, message.down_m),
+            position: Ned::from(place_m),
             sigma_m: message.sigma_m,
             age: Duration::try_from_secs_f64(age_s).ok()?,
         })
@@ -113,11 +119,12 @@ mod tests {
 
     #[test]
     fn what_is_no_pose_is_refused() {
-        let bad: [&[u8]; 4] = [
+        let bad: [&[u8]; 5] = [
             b"",
             b"{}",
             br#"{"north_m":1,"east_m":2,"down_m":3,"sigma_m":0.1,"age_ms":-1}"#,
             br#"{"north_m":1,"east_m":2,"down_m":3,"sigma_m":0.1,"age_ms":1e300}"#,
+            br#"{"north_m":1,"east_m":-2e5,"down_m":3,"sigma_m":0.1,"age_ms":1}"#,
         ];
         for datagram in bad {
             assert_eq!(Message::read(datagram), None);

@@ -129,11 +129,11 @@ fn keep_open(shared: &Shared, address: &Address, mode: Option<ReceiverMode>) {
     let mut back_off = BACK_OFF_MIN;
     while !shared.is_stopped() {
         // It flies: RC must not wait, and its settings were looked at on the ground.
-        let mode = mode.filter(|_| !shared.inbox().is_armed());
-        let error = match open(address, mode) {
+        let now_looked = mode.filter(|_| !shared.inbox().is_armed());
+        let error = match open(address, now_looked) {
             Ok((wire, look)) => {
-                let wire = Arc::new(wire);
-                shared.inbox().open(shared.now(), wire.clone(), look);
+                let (wire, now) = (Arc::new(wire), shared.now());
+                shared.inbox().open(now, wire.clone(), look, mode.is_some());
                 read_while_open(shared, &wire, &mut back_off)
             }
             Err(error) => Some(error),

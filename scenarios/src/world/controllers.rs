@@ -360,18 +360,22 @@ impl Attached {
             let is_rc = frame.command == SetRawRc::COMMAND && frame.direction == Direction::Reply;
             if is_rc {
                 figures.rc_acknowledged += 1;
-                let told = conversation.acknowledged();
-                if let Some(Told::Acknowledged(count)) = told {
-                    self.is_lost |= self.was_armed && count < ACKNOWLEDGED_MIN;
-                }
-                events.extend(told.map(PortEvent::Told));
-            } else if let Some((_, Ok(Some(telemetry)))) = conversation.take(elapsed(now), &frame) {
+                conversation.acknowledged();
+            } else if let Some(Ok(Some(telemetry))) =
+                conversation.take(elapsed(now), &frame).map(|it| it.told)
+            {
                 self.heard_at = now;
                 events.push(PortEvent::Told(telemetry));
             }
         };
         self.decoder.read(received, &mut take);
         self.decoder.expire(elapsed(now), &mut take);
+        if let Some(told) = conversation.count_acknowledged() {
+            if let Told::Acknowledged(count) = told {
+                self.is_lost |= self.was_armed && count < ACKNOWLEDGED_MIN;
+            }
+            events.push(PortEvent::Told(told));
+        }
         if !self.is_identified
             && let Some(identity) = self.conversation.identity()
         {

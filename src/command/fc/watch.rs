@@ -85,7 +85,8 @@ impl View {
             Telemetry::Analog(_)
             | Telemetry::Gps(_)
             | Telemetry::Sonar(_)
-            | Telemetry::Acknowledged(_) => {}
+            | Telemetry::Acknowledged(_)
+            | Telemetry::Late => {}
         }
     }
 

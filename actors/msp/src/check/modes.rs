@@ -1,20 +1,16 @@
 //! What the modes' switches do.
 
-use super::{Findings, ReceiverMode, channel_of_aux};
+use super::{Findings, ReceiverMode};
 use crate::channels::Channel;
 use crate::configuration::Configuration;
 use crate::message::{Mode, ModeRange};
 
+/// AUX2, which the link holds high for ANGLE.
+const ANGLE_AUX: u8 = 1;
+
 pub(super) fn check(configuration: &Configuration, mode: ReceiverMode, findings: &mut Findings) {
     check_arm(configuration, findings);
-    if configuration.ranges.of(Mode::Angle).next().is_none() {
-        findings.add(
-            "angle-mode",
-            "sticks would be rates: nothing keeps it level",
-            "no range for ANGLE",
-            "aux 1 1 1 1300 2100 0 0",
-        );
-    }
+    check_angle(configuration, mode, findings);
     if mode == ReceiverMode::Override {
         check_override(configuration, findings);
     }
@@ -58,6 +54,34 @@ fn check_arm(configuration: &Configuration, findings: &mut Findings) {
     }
 }
 
+/// The link holds AUX2 high where it is the only receiver; the pilot's switches are the pilot's.
+fn check_angle(configuration: &Configuration, mode: ReceiverMode, findings: &mut Findings) {
+    let mut ranges = configuration.ranges.of(Mode::Angle).peekable();
+    if ranges.peek().is_none() {
+        findings.add(
+            "angle-mode",
+            "sticks would be rates: nothing keeps it level",
+            "no range for ANGLE",
+            "aux 1 1 1 900 2100 0 0",
+        );
+        return;
+    }
+    let is_on = |range: ModeRange| {
+        let is_always_on = range.first_us() <= 900 && range.end_us() >= 2100;
+        let values = range.first_us()..range.end_us();
+        let is_held = range.aux == ANGLE_AUX && values.contains(&Channel::HIGH.us());
+        is_always_on || mode == ReceiverMode::Sole && is_held
+    };
+    if !ranges.any(is_on) {
+        findings.add(
+            "angle-range",
+            "sticks would be rates while a switch is off",
+            "ANGLE is not always on",
+            "aux 1 1 1 900 2100 0 0",
+        );
+    }
+}
+
 fn check_override(configuration: &Configuration, findings: &mut Findings) {
     let set = "aux 2 50 2 1700 2100 0 0";
     let mut ranges = configuration.ranges.of(Mode::MspOverride).peekable();
@@ -76,23 +100,5 @@ fn check_override(configuration: &Configuration, findings: &mut Findings) {
             format!("MSP OVERRIDE from {} µs on", range.first_us()),
             set,
         );
-    }
-    let Some(settings) = configuration.override_settings else {
-        return;
-    };
-    for range in configuration.ranges.of(Mode::Arm) {
-        let bit = 1 << channel_of_aux(range.aux);
-        if settings.mask & bit != 0 {
-            findings.add(
-                "override-arm",
-                "MSP replaces the pilot's ARM",
-                format!(
-                    "ARM on AUX{}, msp_override_channels_mask = {}",
-                    range.aux + 1,
-                    settings.mask
-                ),
-                format!("set msp_override_channels_mask = {}", settings.mask & !bit),
-            );
-        }
     }
 }

@@ -145,12 +145,9 @@ fn check_override_settings(settings: OverrideSettings, findings: &mut Findings) 
     if mask == 0 {
         add_no_override("msp_override_channels_mask = 0", findings);
     } else if mask & STICKS != STICKS {
-        findings.add(
-            "override-mask",
-            "MSP does not replace all four sticks",
-            format!("msp_override_channels_mask = {mask}"),
-            format!("set msp_override_channels_mask = {}", mask | STICKS),
-        );
+        add_mask("MSP does not replace all four sticks", mask, findings);
+    } else if mask != STICKS {
+        add_mask("MSP replaces switches of the pilot", mask, findings);
     }
     if failsafe {
         findings.add(
@@ -160,6 +157,15 @@ fn check_override_settings(settings: OverrideSettings, findings: &mut Findings) 
             "set msp_override_failsafe = OFF",
         );
     }
+}
+
+fn add_mask(danger: &'static str, mask: u32, findings: &mut Findings) {
+    findings.add(
+        "override-mask",
+        danger,
+        format!("msp_override_channels_mask = {mask}"),
+        format!("set msp_override_channels_mask = {STICKS}"),
+    );
 }
 
 fn add_no_override(found: &'static str, findings: &mut Findings) {

@@ -184,6 +184,21 @@ fn unanswered_questions_count_as_lost() {
     assert_eq!(line.schedule.answered(line.now, 9_999, false), None);
 }
 
+#[test]
+fn a_late_answer_answers_nothing_but_shows_for_two_seconds_that_the_controller_lives() {
+    let mut line = Line::new();
+    line.answers = false;
+    line.run(1, false);
+    let asked = line.asked.expect("a question");
+    assert!(!line.schedule.is_answered_late(line.now, asked), "in time");
+    line.run(101, false);
+    assert!(line.schedule.is_answered_late(line.now, asked));
+    assert!(!line.schedule.is_answered_late(line.now, 9_999));
+    assert_eq!(line.schedule.answered(line.now, asked, false), None);
+    let later = line.now + LATE_MAX;
+    assert!(!line.schedule.is_answered_late(later, asked));
+}
+
 /// 8 channels, or all 18, at 50 Hz with a question in every other tick: bytes a second, 10 bits each.
 #[test]
 fn a_second_of_writing_fits_115200_baud() {

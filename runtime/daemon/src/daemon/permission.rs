@@ -1,10 +1,11 @@
 //! Whether the drone's grant allows its stage with the flight controller at its port.
 //!
 //! A disarmed controller is checked as it is. An armed one, met after a restart in flight, must have the chip and the firmware
-//! of the last check on the ground, and what that check allowed then, it allows now: a grant that ends in flight ends no flight,
-//! and an armed controller is not asked for its settings, which can't change in flight.
+//! of the last check on the ground, and what that check allowed then, it allows now: a grant that ends in flight ends no flight
+//! of less than an hour, and an armed controller is not asked for its settings, which can't change in flight.
 
 use std::sync::{Arc, Mutex, PoisonError};
+use std::time::Duration;
 
 use muster_machines::msp::controller::Stage;
 use muster_msp::Uid;
@@ -17,6 +18,9 @@ use muster_runtime::identity::{
 use thiserror::Error;
 
 use crate::config::Permission;
+
+/// No flight goes on for longer after its grant has ended.
+const FLIGHT_MAX: Duration = Duration::from_secs(3_600);
 
 /// Why a stage is not allowed.
 #[derive(Debug, Error)]
@@ -114,7 +118,12 @@ impl Permission {
                 self.keep(&controller, newest)?;
                 (controller, newest)
             }
-            None => as_on_the_ground(found, uid, kept)?,
+            None => {
+                let (controller, time) = as_on_the_ground(found, uid, kept)?;
+                let flown_out = self.grant.until.after(FLIGHT_MAX);
+                let time = if clock > flown_out { clock } else { time };
+                (controller, time)
+            }
         };
         let drone = self.grant.drone;
         Ok(self.grant.allows(drone, self.stage, &controller, time)?)
@@ -146,8 +155,6 @@ fn as_on_the_ground(
 
 #[cfg(test)]
 mod tests {
-    use std::time::Duration;
-
     use muster_machines::identity::NodeId;
     use muster_msp::Configuration;
     use muster_runtime::identity::Grant;
@@ -245,8 +252,10 @@ mod tests {
         let unchecked = refusal(&permission, &armed(7), noon());
         assert!(unchecked.is_some(), "never checked");
         assert_eq!(refusal(&permission, &fit(), noon()), None);
-        let later = noon().after(2 * DAY);
-        assert_eq!(refusal(&permission, &armed(7), later), None);
+        let in_flight = noon().after(DAY + FLIGHT_MAX);
+        assert_eq!(refusal(&permission, &armed(7), in_flight), None);
+        let later = in_flight.after(Duration::from_secs(1));
+        assert!(refusal(&permission, &armed(7), later).is_some());
         assert!(refusal(&permission, &armed(8), noon()).is_some());
         assert!(refusal(&permission, &changed(), noon()).is_some());
         let after = refusal(&permission, &armed(7), noon());

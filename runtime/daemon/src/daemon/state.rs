@@ -51,6 +51,8 @@ pub(super) struct State {
     outcome: Outcome,
     /// The link to the vehicle has started, and was not told of its port yet.
     is_link_new: bool,
+    /// The link had no room for the word that its port was closed.
+    missed_closing: bool,
     /// When the timer task wakes.
     wakes: Option<Timestamp>,
 }
@@ -79,6 +81,7 @@ impl State {
             agent_calls: components.agent_calls,
             outcome: Outcome::new(is_finished),
             is_link_new: false,
+            missed_closing: false,
             wakes: None,
         }
     }
@@ -190,7 +193,10 @@ impl State {
 
     /// Tells a link that has just started of its port. It is told as soon as it runs and has room.
     fn introduce_port(&mut self, now: Timestamp) {
-        if self.is_link_new {
+        if self.missed_closing {
+            self.missed_closing = !self.post_port_event(now, PortEvent::Closed);
+        }
+        if self.is_link_new && !self.missed_closing {
             let mut events = self.vehicle.introduction(now);
             self.is_link_new = !events.all(|event| self.post_port_event(now, event));
         }
@@ -199,8 +205,15 @@ impl State {
     /// An event of the port to the flight controller or the autopilot.
     pub(super) fn port_told(&mut self, now: Timestamp, event: PortEvent) {
         self.introduce_port(now);
-        if self.vehicle.port_told(now, &event) {
-            self.post_port_event(now, event);
+        if !self.vehicle.port_told(now, &event) {
+            return;
+        }
+        let is_closed = matches!(event, PortEvent::Closed);
+        let is_identified = matches!(event, PortEvent::Identified { .. });
+        if !self.post_port_event(now, event) {
+            // It has no room now, and must not miss these.
+            self.missed_closing |= is_closed;
+            self.is_link_new |= is_identified;
         }
     }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use muster_msp::check::Finding;
 use muster_msp::{
-    BadAnswer, Conversation, Counts, Direction, Frame, Identity, Mode, Telemetry, Write,
+    Answer, BadAnswer, Conversation, Counts, Direction, Frame, Identity, Mode, Telemetry, Write,
 };
 
 use super::RC;
@@ -45,6 +45,10 @@ pub(super) struct Inbox {
     pub(super) is_realtime: bool,
     is_identified: bool,
     is_armed: bool,
+    /// The port was opened in flight, and its controller not looked at.
+    is_unlooked: bool,
+    /// Statuses in a row that said disarmed.
+    disarmed: u8,
     latency: Latency,
     status: Status,
     heard: Duration,
@@ -55,7 +59,16 @@ pub(super) struct Inbox {
 }
 
 impl Inbox {
-    pub(super) fn open(&mut self, now: Duration, wire: Arc<Wire>, look: Option<Look>) {
+    /// `must_look`: the controller is to be looked at. It is, once it has disarmed, if `look` is `None`.
+    pub(super) fn open(
+        &mut self,
+        now: Duration,
+        wire: Arc<Wire>,
+        look: Option<Look>,
+        must_look: bool,
+    ) {
+        self.is_unlooked = must_look && look.is_none();
+        self.disarmed = 0;
         self.conversation.reopen(now);
         self.wire = Some(wire);
         self.is_identified = false;
@@ -88,7 +101,11 @@ impl Inbox {
             self.rc_written = None;
         }
         let wire = self.wire.clone()?;
-        Some((wire, self.conversation.tick(now)?))
+        let write = self.conversation.tick(now)?;
+        if let Some(told) = self.conversation.count_acknowledged() {
+            self.push(Event::Telemetry(told));
+        }
+        Some((wire, write))
     }
 
     pub(super) fn written(&mut self, now: Duration, write: &Write) {
@@ -110,16 +127,16 @@ impl Inbox {
         if frame.command == RC {
             if frame.direction == Direction::Reply {
                 self.status.rc_acknowledged += 1;
-                if let Some(told) = self.conversation.acknowledged() {
-                    self.push(Event::Telemetry(told));
-                }
+                self.conversation.acknowledged();
             }
             return;
         }
-        let Some((delay, told)) = self.conversation.take(now, frame) else {
+        let Some(Answer { delay, told }) = self.conversation.take(now, frame) else {
             return;
         };
-        self.latency.add(delay);
+        if let Some(delay) = delay {
+            self.latency.add(delay);
+        }
         match told {
             Ok(Some(telemetry)) => {
                 self.look_for_arming(&telemetry);
@@ -147,6 +164,15 @@ impl Inbox {
             (telemetry, self.conversation.identity())
         {
             self.is_armed = identity.boxes.is_active(Mode::Arm, status.modes()) == Some(true);
+            self.disarmed = if self.is_armed {
+                0
+            } else {
+                self.disarmed.saturating_add(1)
+            };
+        }
+        // A single false status must not close the port of one that flies.
+        if self.is_unlooked && self.disarmed > 1 {
+            self.close(&io::Error::other("it landed: its settings are looked at"));
         }
     }
 

@@ -236,6 +236,13 @@ impl Settings {
             channels_mask: 0b1111,
             counts_as_signal: false,
         };
+        for angle in settings
+            .modes
+            .iter_mut()
+            .filter(|it| it.mode == Mode::Angle)
+        {
+            angle.range_us = 900..2_100;
+        }
         settings.modes.push(ModeRange {
             mode: Mode::MspOverride,
             aux: 2,

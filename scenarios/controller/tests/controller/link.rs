@@ -150,7 +150,9 @@ impl Flown {
         let mut told = Vec::new();
         if self.is_connected {
             self.decoder.read(&bytes, |frame| {
-                if let Some((_, Ok(Some(telemetry)))) = self.conversation.take(now, &frame) {
+                if let Some(Ok(Some(telemetry))) =
+                    self.conversation.take(now, &frame).map(|it| it.told)
+                {
                     told.push(PortEvent::Told(telemetry));
                 }
             });

@@ -128,6 +128,7 @@ mod tests {
         is_prevented: false,
         failsafe: false,
         overridden: None,
+        levels: true,
     };
     const ARMED: Reported = Reported {
         armed: true,

@@ -115,6 +115,7 @@ mod tests {
         is_prevented: false,
         failsafe: false,
         overridden: Some(true),
+        levels: true,
     };
     const BY_PILOT: Reported = Reported {
         overridden: Some(false),

@@ -125,8 +125,11 @@ impl Guidance {
         }
     }
 
-    /// Continues from where the vehicle is.
-    fn begin_anew(&mut self, now: Timestamp, estimate: &Estimate) {
+    /// Continues from where the vehicle is, once it has a setpoint.
+    pub(super) fn begin_anew(&mut self, now: Timestamp, estimate: &Estimate) {
+        if self.motion.is_none() {
+            return;
+        }
         let mut motion = Motion::at_rest(estimate.position);
         let later = now + Duration::from_secs(1);
         motion.observe(now, estimate.position, estimate.velocity, later);

@@ -23,7 +23,7 @@ pub use self::authority::{ACKNOWLEDGED_MIN, LOST_AFTER, Taken};
 use self::battery::Gauge;
 pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
 use self::control::{Control, Lean};
-use self::estimator::{Estimate, Estimator};
+use self::estimator::{Estimate, Estimator, Tilt};
 use self::guidance::Guidance;
 use self::reports::{Reported, Reports};
 pub use self::tether::{
@@ -42,11 +42,22 @@ const PERIOD: Duration = Duration::from_millis(20);
 const LIFTED_M: f64 = 0.5;
 /// As above.
 const LIFTED_MPS: f64 = 0.3;
+/// Modes in which sticks are no tilts, or throttle is no thrust.
+const OTHER_MODES: [Mode; 4] = [Mode::Horizon, Mode::AltHold, Mode::PosHold, Mode::GpsRescue];
 /// Value of the switch of the mode ANGLE: always on.
 const ANGLE: Channel = Channel::HIGH;
 /// `ARM_SWITCH` is the last of the reasons not to arm.
 const fn arm_switch(count: u8) -> u32 {
     1_u32.wrapping_shl(count.saturating_sub(1) as u32)
+}
+
+/// What a vehicle flies that a pilot handed over in the air before it was told anything.
+const fn hold(altitude_m: f64) -> Setpoint {
+    Setpoint::Hold {
+        altitude_m,
+        vertical_mps: 1.0,
+        acceleration_mps2: 1.0,
+    }
 }
 
 /// What a link is told: by the port of its controller, or by a sensor beside it.
@@ -229,7 +240,9 @@ impl ControllerLink {
                 if self.identity.is_some() {
                     self.close();
                 }
-                self.identity = Some(*identity);
+                // Without ARM among its modes it can't say whether it is armed.
+                let has_arm = identity.boxes.modes.contains(&Mode::Arm);
+                self.identity = has_arm.then_some(*identity);
                 self.stage = match self.config.receiver {
                     Receiver::Override => self.config.stage.min(granted.max(Stage::Bench)),
                     Receiver::Sole => self.config.stage.min(Stage::Bench),
@@ -244,7 +257,9 @@ impl ControllerLink {
             }
             PortEvent::Told(told) => {
                 self.estimator.predict(now);
-                self.authority.heard(now);
+                if !matches!(told, Told::Acknowledged(_)) {
+                    self.authority.heard(now);
+                }
                 match told {
                     Told::Status(status) => self.handle_status(now, &status),
                     Told::Attitude(attitude) => self.estimator.measure_attitude(now, &attitude),
@@ -260,7 +275,7 @@ impl ControllerLink {
                         }
                         return;
                     }
-                    Told::Rc(_) | Told::Sonar(_) | Told::Analog(_) => return,
+                    Told::Rc(_) | Told::Sonar(_) | Told::Analog(_) | Told::Late => return,
                 }
                 self.take_up(now);
             }
@@ -293,6 +308,8 @@ impl ControllerLink {
             is_prevented: arming.bits & !arm_switch(arming.count) != 0,
             failsafe: is_active(Mode::Failsafe) == Some(true),
             overridden: is_active(Mode::MspOverride),
+            levels: is_active(Mode::Angle) == Some(true)
+                && OTHER_MODES.iter().all(|it| is_active(*it) != Some(true)),
         });
         let Some(reported) = self.reports.current() else {
             return;
@@ -371,16 +388,31 @@ impl ControllerLink {
     fn sticks(&mut self, now: Timestamp, seconds: f64) -> Sticks {
         let tilt = self.estimator.tilt();
         if !self.is_armed() {
+            self.has_lifted = false;
             return Sticks::IDLE;
         }
         if !self.authority.is_links() {
             // Not heard, unless the pilot gives the sticks back.
             return self.control.level(tilt);
         }
+        let was_flying = self.has_lifted || self.before.is_some_and(|it| it.setpoint.is_some());
         let Some(estimate) = self.estimator.estimate() else {
-            // Right after a restart in the air.
-            return self.control.level(tilt);
+            // Right after a restart in the air, or right after arming.
+            return self.level_if(was_flying, tilt);
         };
+        let altitude_m = estimate.position.altitude_m();
+        self.has_lifted |= altitude_m > LIFTED_M && estimate.velocity.0.z < -LIFTED_MPS;
+        let is_in_air = self.has_lifted && altitude_m > LIFTED_M;
+        if self.is_flown_by_pilot() {
+            // What it gives is not heard, until the pilot hands the sticks over.
+            self.estimator.set_ground_where_armed();
+            self.guidance.begin_anew(now, &estimate);
+            return self.level_if(is_in_air, tilt);
+        }
+        if is_in_air && self.guidance.setpoint().is_none() {
+            self.fly(now, hold(altitude_m));
+            self.keep();
+        }
         let still_for = self.touchdown.still_for(now);
         match self.guidance.reference(now, &estimate, still_for) {
             Some(reference) => {
@@ -388,8 +420,6 @@ impl ControllerLink {
                     (Stage::Tethered, Some(start)) => tether::reference(start, reference),
                     _ => reference,
                 };
-                self.has_lifted |= estimate.position.altitude_m() > LIFTED_M
-                    && estimate.velocity.0.z < -LIFTED_MPS;
                 let is_free = self.has_lifted && !self.touchdown.is_pressed();
                 let lean = match self.estimator.lost_for(now) {
                     _ if !is_free => Lean::Level,
@@ -400,14 +430,34 @@ impl ControllerLink {
                 control.step(seconds, &reference, &estimate, tilt, lean)
             }
             // Right after a restart in the air; else on the ground, before the first setpoint.
-            None if self.before.is_some_and(|it| it.setpoint.is_some()) => self.control.level(tilt),
-            None => Sticks::IDLE,
+            None => self.level_if(was_flying, tilt),
         }
     }
 
+    fn level_if(&self, flies: bool, tilt: Tilt) -> Sticks {
+        if flies {
+            self.control.level(tilt)
+        } else {
+            Sticks::IDLE
+        }
+    }
+
+    /// Whether a pilot, who may give the sticks to the link, flies by hand.
+    fn is_flown_by_pilot(&self) -> bool {
+        let overridden = self.reports.last().and_then(|it| it.overridden);
+        self.config.receiver == Receiver::Override && overridden == Some(false)
+    }
+
     /// The last point before values leave: nothing above the stage does.
-    /// `None`: it does not take the sticks of a pilot who has armed what it may not fly.
+    /// `None`: it does not take the sticks of a pilot who has armed what it may not fly, and gives none to a controller that
+    /// would take them for something else.
     fn gate(&self, sticks: Sticks) -> Option<SetRawRc> {
+        let is_heard =
+            |it: Reported| self.config.receiver == Receiver::Sole || it.overridden == Some(true);
+        let takes_others = |it: Reported| it.armed && !it.levels && is_heard(it);
+        if self.reports.last().is_some_and(takes_others) {
+            return None;
+        }
         let arm = if self.arming.is_high() {
             Channel::HIGH
         } else {

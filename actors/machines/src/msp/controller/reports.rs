@@ -11,13 +11,15 @@ pub(super) struct Reported {
     pub(super) failsafe: bool,
     /// MSP has the sticks. `None` if the controller has no such mode.
     pub(super) overridden: Option<bool>,
+    /// Sticks are tilts: the mode ANGLE is on, and none that takes them for something else.
+    pub(super) levels: bool,
 }
 
 impl Reported {
     /// Whether motors and sticks are in the same hands.
     fn agrees(self, other: Self) -> bool {
-        (self.armed, self.failsafe, self.overridden)
-            == (other.armed, other.failsafe, other.overridden)
+        let key = |it: Self| (it.armed, it.failsafe, it.overridden, it.levels);
+        key(self) == key(other)
     }
 }
 
@@ -86,6 +88,7 @@ mod tests {
         is_prevented: false,
         failsafe: false,
         overridden: None,
+        levels: true,
     };
     const ARMED: Reported = Reported {
         armed: true,

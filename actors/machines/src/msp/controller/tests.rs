@@ -71,7 +71,8 @@ fn status(modes: u32) -> PortEvent {
     }))
 }
 
-const ARM: u32 = 1;
+/// Armed, and level by the mode ANGLE.
+const ARM: u32 = 1 | 2;
 const FAILSAFE: u32 = 4;
 const OVERRIDE: u32 = 8;
 
@@ -223,6 +224,66 @@ fn vehicle_arms_and_climbs_when_it_is_told_to() {
     bench.give(Input::FlightCommand(up()));
     bench.pass(100, ARM);
     assert!(bench.throttle() > 1_200);
+}
+
+#[test]
+fn throttle_stays_closed_between_arming_and_the_next_altitude() {
+    let mut bench = Bench::ready(Receiver::Sole);
+    bench.give(Input::FlightCommand(FlightCommand::Arm));
+    bench.pass(300, 0);
+    for _ in 0..2 {
+        bench.give(Input::Port(status(ARM)));
+    }
+    for _ in 0..20 {
+        bench.wait(10);
+        assert_eq!(bench.throttle(), 1_000);
+    }
+}
+
+#[test]
+fn sticks_are_not_given_to_a_controller_that_takes_them_for_rates() {
+    const ARM_WITHOUT_ANGLE: u32 = 1;
+    for (receiver, modes) in [(Receiver::Sole, 0), (Receiver::Override, OVERRIDE)] {
+        let mut bench = Bench::flying(receiver, ARM | modes);
+        assert!(bench.rc.is_some());
+        bench.give(Input::Port(status(ARM_WITHOUT_ANGLE | modes)));
+        bench.wait(50);
+        assert!(bench.rc.is_some(), "said once");
+        bench.pass(300, ARM_WITHOUT_ANGLE | modes);
+        assert_eq!(bench.rc, None);
+    }
+    let mut bench = Bench::flying(Receiver::Override, ARM | OVERRIDE);
+    bench.pass(300, ARM_WITHOUT_ANGLE);
+    assert!(bench.rc.is_some(), "the pilot's sticks count");
+}
+
+#[test]
+fn vehicle_that_a_pilot_hands_over_in_the_air_stays_there() {
+    let mut bench = Bench::ready(Receiver::Override);
+    let rise = |bench: &mut Bench, modes: u32, range: std::ops::Range<i32>| {
+        for altitude_cm in range {
+            bench.wait(20);
+            let altitude = Altitude {
+                altitude_cm,
+                climb_cmps: if altitude_cm < 1_000 { 50 } else { 0 },
+            };
+            bench.give(Input::Port(PortEvent::Told(Told::Altitude(altitude))));
+            bench.give(Input::Port(fix()));
+            bench.give(Input::Port(status(modes)));
+        }
+    };
+    rise(&mut bench, ARM, 0..2);
+    assert_eq!(bench.throttle(), 1_000, "on the ground");
+    rise(&mut bench, ARM, 2..1_000);
+    for _ in 0..50 {
+        rise(&mut bench, ARM | OVERRIDE, 1_000..1_001);
+        assert!(bench.throttle() > 1_200, "{:?}", bench.rc);
+    }
+    let hold = bench.checkpoint.unwrap().flight.unwrap().setpoint;
+    assert!(
+        matches!(hold, Some(Setpoint::Hold { altitude_m, .. }) if altitude_m > 8.0),
+        "{hold:?}"
+    );
 }
 
 #[test]

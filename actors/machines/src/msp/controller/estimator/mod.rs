@@ -162,6 +162,13 @@ impl Estimator {
         self.ground_m = self.ground_m.or(here);
     }
 
+    /// Height zero becomes where it was armed, from where Betaflight counts, unless the ground is known.
+    pub(super) const fn set_ground_where_armed(&mut self) {
+        if self.ground_m.is_none() {
+            self.ground_m = Some(0.0);
+        }
+    }
+
     /// Whether its motors are off: then it stands still. It flies until it is told.
     pub(super) const fn stand(&mut self, stands: bool) {
         self.stands = stands;
