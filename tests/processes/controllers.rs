@@ -90,6 +90,24 @@ fn controller_of_a_killed_leader_lands_it_and_the_others_finish() {
     assert!(common_ballot(&survivors)["term"].as_u64() > Some(1));
 }
 
+/// Only its controller tells the new process that the drone flies.
+#[test]
+fn drone_that_restarts_in_the_air_without_its_journal_lands() {
+    let (fleet, receivers) = controlled(&[], |_| landing());
+    let mut drones = fly(&fleet);
+    let leader = &mut drones[LEADER as usize];
+    leader.wait_for_mission(&json!({ "Opened": { "waypoint": 1 } }));
+    leader.signal("KILL");
+    leader.end();
+    fs::remove_dir_all(fleet.path(&format!("journal-{LEADER}"))).unwrap();
+    let receiver = &receivers[LEADER as usize];
+    assert!(receiver.truth().contact == Contact::Airborne);
+    let mut restarted = fleet.start(LEADER, &[]);
+    restarted.wait_for_mission(&json!({ "Landing": "JournalLost" }));
+    wait_until("it has landed", || !receiver.truth().is_armed);
+    assert_eq!(receiver.truth().contact, Contact::Ground);
+}
+
 /// Drones 0 and 2 are in the stage `bench`; the board of drone 1, in the stage `sim`, doesn't say that it is a simulation.
 #[test]
 fn neither_a_bench_drone_nor_a_board_that_is_no_simulation_is_armed() {

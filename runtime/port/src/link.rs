@@ -89,6 +89,12 @@ impl Link {
         self.shared.inbox().conversation.set_channels(now, channels);
     }
 
+    /// Whether the controller was armed when it told so last. `None` if it never has.
+    #[must_use]
+    pub fn is_armed(&self) -> Option<bool> {
+        self.shared.inbox().is_armed()
+    }
+
     /// Stops RC at once; the controller's failsafe acts.
     pub fn release(&self) {
         self.shared.inbox().conversation.release();
@@ -129,7 +135,7 @@ fn keep_open(shared: &Shared, address: &Address, mode: Option<ReceiverMode>) {
     let mut back_off = BACK_OFF_MIN;
     while !shared.is_stopped() {
         // It flies: RC must not wait, and its settings were looked at on the ground.
-        let now_looked = mode.filter(|_| !shared.inbox().is_armed());
+        let now_looked = mode.filter(|_| shared.inbox().is_armed() != Some(true));
         let error = match open(address, now_looked) {
             Ok((wire, look)) => {
                 let (wire, now) = (Arc::new(wire), shared.now());

@@ -160,10 +160,11 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
         return Ok(Ended::Abandoned);
     };
     let OpenedVehicle {
-        vehicle,
+        mut vehicle,
         control_messages,
         port_events,
     } = opened;
+    vehicle.learn_whether_armed().await;
     let drawn = resources.drawn;
     let (incarnation, interfaces) =
         Incarnation::begin(&config, resources, vehicle, (clock, log.lost.clone()))?;

@@ -26,6 +26,12 @@ pub(super) const EVENTS_MAX: usize = 64;
 /// How long the thread that passes events on waits before it looks whether the process has ended.
 const WAIT: Duration = Duration::from_millis(200);
 
+/// Time for a flight controller to say whether it is armed before the process takes it for disarmed. It answers within half
+/// a second.
+const SAYS_WITHIN: Duration = Duration::from_secs(2);
+/// From one look whether it has said so to the next.
+const LOOK_EVERY: Duration = Duration::from_millis(20);
+
 /// What a drone's process flies.
 pub(super) enum Vehicle {
     /// In closed form.
@@ -63,6 +69,24 @@ pub(super) const UNKNOWN: Telemetry = Telemetry {
 };
 
 impl Vehicle {
+    /// Waits until a flight controller has said whether it is armed, but not for long: it may be off.
+    pub(super) async fn learn_whether_armed(&mut self) {
+        let Self::Controlled(controlled) = self else {
+            return;
+        };
+        let said = async {
+            loop {
+                if let Some(armed) = controlled.port.is_armed() {
+                    return armed;
+                }
+                tokio::time::sleep(LOOK_EVERY).await;
+            }
+        };
+        if let Ok(armed) = tokio::time::timeout(SAYS_WITHIN, said).await {
+            controlled.telemetry.armed = armed;
+        }
+    }
+
     pub(super) fn is_armed(&self) -> bool {
         match self {
             Self::Simulated(vehicle) => vehicle.is_armed(),

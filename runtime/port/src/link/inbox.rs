@@ -44,7 +44,7 @@ pub(super) struct Inbox {
     pub(super) counts: Counts,
     pub(super) is_realtime: bool,
     is_identified: bool,
-    is_armed: bool,
+    is_armed: Option<bool>,
     /// The port was opened in flight, and its controller not looked at.
     is_unlooked: bool,
     /// Statuses in a row that said disarmed.
@@ -154,8 +154,8 @@ impl Inbox {
         }
     }
 
-    /// Whether the controller was armed when it told so last.
-    pub(super) const fn is_armed(&self) -> bool {
+    /// Whether the controller was armed when it told so last. `None` if it never has.
+    pub(super) const fn is_armed(&self) -> Option<bool> {
         self.is_armed
     }
 
@@ -163,8 +163,9 @@ impl Inbox {
         if let (Telemetry::Status(status), Some(identity)) =
             (telemetry, self.conversation.identity())
         {
-            self.is_armed = identity.boxes.is_active(Mode::Arm, status.modes()) == Some(true);
-            self.disarmed = if self.is_armed {
+            let is_armed = identity.boxes.is_active(Mode::Arm, status.modes()) == Some(true);
+            self.is_armed = Some(is_armed);
+            self.disarmed = if is_armed {
                 0
             } else {
                 self.disarmed.saturating_add(1)

@@ -137,6 +137,8 @@ pub struct ControllerLink {
     stepped_at: Timestamp,
     /// It has left the ground.
     has_lifted: bool,
+    /// It was armed when it was met, and nothing is known of its flight: it may be in the air.
+    was_met_armed: bool,
     touchdown: Touchdown,
     last: Option<Telemetry>,
     deadline: Option<Timestamp>,
@@ -176,6 +178,7 @@ impl ControllerLink {
             control: Control::new(gains),
             stepped_at: now,
             has_lifted: before.is_some_and(|it| it.setpoint.is_some()),
+            was_met_armed: false,
             touchdown: Touchdown::default(),
             last: None,
             deadline: None,
@@ -303,6 +306,7 @@ impl ControllerLink {
         };
         let is_active = |mode| identity.boxes.is_active(mode, status.modes());
         let arming = status.flags.arming;
+        let is_first = self.reports.last().is_none();
         self.reports.take(Reported {
             armed: is_active(Mode::Arm) == Some(true),
             is_prevented: arming.bits & !arm_switch(arming.count) != 0,
@@ -315,7 +319,12 @@ impl ControllerLink {
             return;
         };
         if reported.armed && !self.arming.has_flown() {
-            self.estimator.forget_height();
+            self.was_met_armed = is_first;
+            if is_first {
+                self.estimator.set_ground_where_armed();
+            } else {
+                self.estimator.forget_height();
+            }
         }
         self.estimator.stand(!reported.armed);
         self.authority.take(now, reported);
@@ -388,7 +397,7 @@ impl ControllerLink {
     fn sticks(&mut self, now: Timestamp, seconds: f64) -> Sticks {
         let tilt = self.estimator.tilt();
         if !self.is_armed() {
-            self.has_lifted = false;
+            (self.has_lifted, self.was_met_armed) = (false, false);
             return Sticks::IDLE;
         }
         if !self.authority.is_links() {
@@ -398,10 +407,11 @@ impl ControllerLink {
         let was_flying = self.has_lifted || self.before.is_some_and(|it| it.setpoint.is_some());
         let Some(estimate) = self.estimator.estimate() else {
             // Right after a restart in the air, or right after arming.
-            return self.level_if(was_flying, tilt);
+            return self.level_if(was_flying || self.was_met_armed, tilt);
         };
         let altitude_m = estimate.position.altitude_m();
-        self.has_lifted |= altitude_m > LIFTED_M && estimate.velocity.0.z < -LIFTED_MPS;
+        let climbs = estimate.velocity.0.z < -LIFTED_MPS;
+        self.has_lifted |= altitude_m > LIFTED_M && (climbs || self.was_met_armed);
         let is_in_air = self.has_lifted && altitude_m > LIFTED_M;
         if self.is_flown_by_pilot() {
             // What it gives is not heard, until the pilot hands the sticks over.

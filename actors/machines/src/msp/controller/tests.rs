@@ -258,6 +258,28 @@ fn sticks_are_not_given_to_a_controller_that_takes_them_for_rates() {
 }
 
 #[test]
+fn vehicle_that_is_met_in_the_air_by_a_link_that_knows_nothing_sinks_slowly() {
+    let mut bench = Bench::new(config(), None);
+    bench.give(Input::Port(identity(*b"SITL")));
+    bench.give(Input::FlightCommand(FlightCommand::Land));
+    for _ in 0..2 {
+        bench.give(Input::Port(status(ARM)));
+    }
+    for step in 0..100 {
+        bench.wait(20);
+        assert!(bench.throttle() > 1_150, "{step}: {:?}", bench.rc);
+        assert!(bench.is_arm_high());
+        let altitude = Altitude {
+            altitude_cm: 1_200 - step,
+            climb_cmps: -50,
+        };
+        bench.give(Input::Port(PortEvent::Told(Told::Altitude(altitude))));
+        bench.give(Input::Port(status(ARM)));
+    }
+    assert!(bench.telemetry.last().unwrap().landing);
+}
+
+#[test]
 fn vehicle_that_a_pilot_hands_over_in_the_air_stays_there() {
     let mut bench = Bench::ready(Receiver::Override);
     let rise = |bench: &mut Bench, modes: u32, range: std::ops::Range<i32>| {
