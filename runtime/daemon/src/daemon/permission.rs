@@ -72,6 +72,13 @@ impl Checker {
         self.refused.clone()
     }
 
+    /// Checks a controller again that a port has found. The stage that is granted now, if it has fallen.
+    pub(super) fn fallen(&mut self, found: Option<Arc<Found>>) -> Option<Stage> {
+        let (_, before) = self.checked.take()?;
+        let now = self.granted(found);
+        (now < before).then_some(now)
+    }
+
     /// The highest stage above `bench` that is granted with what a port has found; `Bench` if none is. Logs why.
     pub(super) fn granted(&mut self, found: Option<Arc<Found>>) -> Stage {
         let Some(permission) = &self.permission else {
@@ -271,8 +278,15 @@ mod tests {
         let refused = checker.refused();
         let found = Arc::new(fit());
         assert_eq!(checker.granted(Some(found.clone())), Stage::Tethered);
-        assert_eq!(checker.granted(Some(found)), Stage::Tethered);
+        assert_eq!(checker.granted(Some(found.clone())), Stage::Tethered);
         assert_eq!(*refused.lock().expect("no panic"), None);
+        assert_eq!(checker.fallen(Some(found.clone())), None);
+        let grant = &mut checker.permission.as_mut().expect("a permission").grant;
+        grant.until = grant.issued;
+        assert_eq!(checker.granted(Some(found.clone())), Stage::Tethered);
+        assert_eq!(checker.fallen(Some(found)), Some(Stage::Bench));
+        let grant = &mut checker.permission.as_mut().expect("a permission").grant;
+        grant.until = grant.issued.after(DAY);
         assert_eq!(checker.granted(Some(Arc::new(changed()))), Stage::Bench);
         let why = refused.lock().expect("no panic").clone();
         assert!(why.expect("a refusal").contains("settings have changed"));

@@ -233,14 +233,22 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
     std::thread::Builder::new()
         .name("port-events".to_owned())
         .spawn(move || {
+            let mut was_armed = false;
             while let Some(port) = source.upgrade()
                 && !sender.is_closed()
             {
                 let event = port.next_event(WAIT);
+                let is_armed = port.is_armed() == Some(true);
+                let is_being_armed = is_armed && !std::mem::replace(&mut was_armed, is_armed);
+                let fallen = is_being_armed
+                    .then(|| fallen(&port.status(), &mut checker))
+                    .flatten();
                 let event = event.and_then(|event| told(event, &port, &mut checker));
                 drop(port);
-                if event.is_some_and(|event| sender.blocking_send(event).is_err()) {
-                    return;
+                for event in fallen.into_iter().chain(event) {
+                    if sender.blocking_send(event).is_err() {
+                        return;
+                    }
                 }
             }
         })?;
@@ -253,6 +261,13 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
     };
     let vehicle = Vehicle::Controlled(Box::new(controlled));
     Ok((vehicle, events))
+}
+
+/// What a link is told when its controller is being armed and its stage has fallen since it was looked at: the grant has ended.
+fn fallen(status: &muster_port::Status, checker: &mut Checker) -> Option<PortEvent> {
+    let granted = checker.fallen(status.found.clone())?;
+    let identity = Box::new(status.identity.clone()?);
+    Some(PortEvent::Identified { identity, granted })
 }
 
 /// Logs an event, and returns it for the link.
