@@ -5,8 +5,8 @@ use std::time::Duration;
 use crate::schedule::{Schedule, Write};
 use crate::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Decode, DecodeError,
-    Direction, FcVariant, FcVersion, Frame, Identity, Message, Modes, RawGps, Rc, SetRawRc, Sonar,
-    Status,
+    Direction, FcVariant, FcVersion, Frame, Identity, Message, Modes, Motor, RawGps, Rc, SetRawRc,
+    Sonar, Status,
 };
 
 /// What a controller tells.
@@ -21,6 +21,7 @@ pub enum Telemetry {
     Sonar(Sonar),
     Analog(Analog),
     Battery(BatteryState),
+    Motor(Motor),
 }
 
 /// An answer that says nothing.
@@ -154,6 +155,7 @@ fn telemetry(frame: &Frame<'_>) -> Result<Option<Telemetry>, DecodeError> {
         Sonar::COMMAND => Telemetry::Sonar(Decode::decode(payload)?),
         Analog::COMMAND => Telemetry::Analog(Decode::decode(payload)?),
         BatteryState::COMMAND => Telemetry::Battery(Decode::decode(payload)?),
+        Motor::COMMAND => Telemetry::Motor(Decode::decode(payload)?),
         _ => return Ok(None),
     }))
 }

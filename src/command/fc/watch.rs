@@ -82,7 +82,10 @@ impl View {
             Telemetry::Altitude(altitude) => self.altitude = altitude,
             Telemetry::Rc(rc) => self.rc = Some(rc),
             Telemetry::Battery(battery) => self.battery = battery,
-            Telemetry::Analog(_) | Telemetry::Gps(_) | Telemetry::Sonar(_) => {}
+            Telemetry::Analog(_)
+            | Telemetry::Gps(_)
+            | Telemetry::Motor(_)
+            | Telemetry::Sonar(_) => {}
         }
     }
 

@@ -8,6 +8,7 @@ mod config;
 mod control;
 mod estimator;
 mod guidance;
+mod impairment;
 mod reports;
 mod tether;
 mod touchdown;
@@ -25,12 +26,13 @@ pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
 use self::control::{Control, Lean};
 use self::estimator::{Estimate, Estimator};
 use self::guidance::Guidance;
+use self::impairment::{Finding, Response, Watch};
 use self::reports::{Reported, Reports};
 pub use self::tether::{
     TETHER_HEIGHT_MAX_M, TETHER_RADIUS_MAX_M, TETHER_THROTTLE_MAX, TETHER_TILT_MAX_RAD,
 };
 use self::touchdown::{Descent, Touchdown};
-use super::{Checkpoint, Event, FlightCommand, Input, Setpoint, Telemetry, Transmit};
+use super::{Checkpoint, Event, FlightCommand, Input, LandingCause, Setpoint, Telemetry, Transmit};
 use crate::geometry::{Ned, Velocity};
 use crate::machine::{Machine, Outbox, Output};
 use crate::time::Timestamp;
@@ -97,6 +99,8 @@ pub struct Flight {
     pub ground_m: Option<f64>,
     /// Whether the pilot or the controller's failsafe took the aircraft.
     pub taken: Taken,
+    /// Why it lands, if the aircraft does not do what it is told.
+    pub impaired: Option<LandingCause>,
 }
 
 /// A link to a flight controller that takes sticks.
@@ -127,6 +131,9 @@ pub struct ControllerLink {
     /// It has left the ground.
     has_lifted: bool,
     touchdown: Touchdown,
+    watch: Watch,
+    /// Why it must land, if the aircraft does not do what it is told. The first reason counts.
+    impaired: Option<LandingCause>,
     last: Option<Telemetry>,
     deadline: Option<Timestamp>,
     outbox: Outbox<Transmit, Event>,
@@ -166,10 +173,15 @@ impl ControllerLink {
             stepped_at: now,
             has_lifted: before.is_some_and(|it| it.setpoint.is_some()),
             touchdown: Touchdown::default(),
+            watch: Watch::default(),
+            impaired: before.and_then(|it| it.impaired),
             last: None,
             deadline: None,
             outbox: Outbox::new(),
         };
+        if link.impaired == Some(LandingCause::Thrust) {
+            link.control.expect_little_thrust();
+        }
         if checkpoint.is_some() {
             link.outbox.transmit(Transmit::Resync);
         }
@@ -253,7 +265,11 @@ impl ControllerLink {
                         self.estimator.measure_gps(now, &gps);
                     }
                     Told::Gps(_) => return,
-                    Told::Battery(state) => self.gauge.measure(&state),
+                    Told::Battery(state) => {
+                        self.gauge.measure(&state);
+                        self.watch.measure_battery(&state);
+                    }
+                    Told::Motor(motors) => self.watch.measure_motors(&motors),
                     Told::Rc(_) | Told::Sonar(_) | Told::Analog(_) => return,
                 }
                 self.take_up(now);
@@ -320,6 +336,7 @@ impl ControllerLink {
         let seconds = now.since(self.stepped_at).as_secs_f64().min(0.1);
         self.stepped_at = now;
         self.estimator.predict(now);
+        self.detect_impairment(now);
         self.land_if_due(now);
         self.detect_ground(now);
         self.arming
@@ -332,7 +349,12 @@ impl ControllerLink {
             .flatten();
         self.outbox.transmit(Transmit::Rc(rc));
         let is_kept = self.kept.is_some_and(|kept| {
-            (kept.has_flown, kept.taken) == (self.arming.has_flown(), self.authority.taken())
+            (kept.has_flown, kept.taken, kept.impaired)
+                == (
+                    self.arming.has_flown(),
+                    self.authority.taken(),
+                    self.impaired,
+                )
         });
         if !is_kept {
             self.keep();
@@ -368,6 +390,9 @@ impl ControllerLink {
             // Right after a restart in the air.
             return self.control.level(tilt);
         };
+        if self.watch.is_tilted() {
+            return Control::upright();
+        }
         let still_for = self.touchdown.still_for(now);
         match self.guidance.reference(now, &estimate, still_for) {
             Some(reference) => {
@@ -415,6 +440,31 @@ impl ControllerLink {
         Some(SetRawRc::new(sticks, &aux).expect("two aux channels are within the limit"))
     }
 
+    /// Looks whether an aircraft that the link flies does what it is told. If not it lands; one that has not left the ground
+    /// or lies on its side stops its motors.
+    fn detect_impairment(&mut self, now: Timestamp) {
+        let is_flown = self.is_armed() && self.authority.is_links() && self.may_fly();
+        let estimate = self.estimator.estimate().filter(|_| is_flown);
+        let response = estimate.map(|estimate| Response {
+            tilt_rad: libm::acos(self.estimator.tilt().vertical_share()),
+            up_mps2: -self.control.down_mps2(),
+            climb_mps: -estimate.velocity.0.z,
+        });
+        match self.watch.look(now, response) {
+            None => {}
+            Some(Finding::Tipped) => self.arming.end(),
+            Some(Finding::Impaired(cause)) => {
+                self.impaired.get_or_insert(cause);
+                self.must_land = true;
+                match cause {
+                    LandingCause::Thrust if self.has_lifted => self.control.expect_little_thrust(),
+                    LandingCause::Thrust => self.arming.end(),
+                    _ => {}
+                }
+            }
+        }
+    }
+
     /// Stops the motors of a vehicle that has landed.
     fn detect_ground(&mut self, now: Timestamp) {
         let estimate = self.estimator.estimate();
@@ -447,7 +497,7 @@ impl ControllerLink {
             at_rest: !armed || !landing && self.guidance.is_at_rest(now, &estimate),
             armed,
             landing,
-            taken_over: self.authority.taken().by_pilot,
+            landing_cause: self.authority.taken().cause().or(self.impaired),
             target: self.guidance.target().filter(|_| armed),
             charge: self.gauge.charge().unwrap_or(1.0),
         }
@@ -487,6 +537,7 @@ impl ControllerLink {
             hover_throttle: self.control.hover_throttle(),
             ground_m: self.estimator.ground_m(),
             taken: self.authority.taken(),
+            impaired: self.impaired,
         };
         let is_same = self.kept.is_some_and(|kept| {
             let hover_throttle = kept.hover_throttle;
