@@ -186,7 +186,10 @@ impl Reader<'_> {
                 self.of_controller(fault, ControllerFault::SagBattery(volts))
             }
             FaultKindName::WeakenMotor => {
-                let motor = fault.motor.as_ref().map(|it| it.get_ref().0 as u8);
+                let motor = fault
+                    .motor
+                    .as_ref()
+                    .map(|it| u8::try_from(it.get_ref().0).expect("at most 4"));
                 self.of_controller(fault, ControllerFault::WeakenMotor(motor, fault.share.0))
             }
             FaultKindName::Shake => {

@@ -26,7 +26,7 @@ const SATURATED_LOOKS: u8 = 3;
 /// Root mean square of the motors' changes from one look to the next, in µs: a tenth of their range. Ours: a simulated flight in
 /// calm air has 5, a hard manoeuvre more for a moment.
 const TREMBLE_US: f64 = 100.0;
-/// Looks in a row at which motors tremble: 2 s. Ours.
+/// By how many more looks motors tremble than not: 2 s at least. Ours.
 const TREMBLING_LOOKS: u8 = 4;
 /// Voltage of a cell under load, in volts: Betaflight's `vbat_min_cell_voltage`.
 const CELL_MIN_V: f64 = 3.3;
@@ -78,7 +78,10 @@ impl Watch {
         count(&mut self.saturated_looks, is_saturated);
         let before = self.outputs_us.replace(outputs_us);
         let trembles = before.is_some_and(|before| change_us(before, outputs_us) > TREMBLE_US);
-        count(&mut self.trembling_looks, trembles);
+        self.trembling_looks = match trembles {
+            true => self.trembling_looks.saturating_add(1),
+            false => self.trembling_looks.saturating_sub(1),
+        };
     }
 
     /// Takes in a state of the battery.
