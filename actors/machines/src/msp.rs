@@ -88,12 +88,27 @@ pub struct Telemetry {
     pub armed: bool,
     /// Whether it is landing, or somebody else flies it.
     pub landing: bool,
-    /// Whether its pilot took it over.
-    pub taken_over: bool,
+    /// Why it lands without an order. `None` if it doesn't, or if its flight controller doesn't say.
+    pub landing_cause: Option<LandingCause>,
     /// End of the current leg.
     pub target: Option<Ned>,
     /// Battery charge, as a fraction of a full one.
     pub charge: f64,
+}
+
+/// Why a vehicle lands without an order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum LandingCause {
+    /// Its pilot took it over.
+    Pilot,
+    /// It leant too far.
+    Tilt,
+    /// Its throttle had no effect.
+    Thrust,
+    /// A motor was at its limit, or all of them trembled.
+    Motors,
+    /// The voltage under load was too low.
+    Volts,
 }
 
 /// Share of charge that is news.

@@ -6,8 +6,8 @@ use crate::acknowledgements::Acknowledgements;
 use crate::schedule::{Schedule, Write};
 use crate::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Decode, DecodeError,
-    Direction, FcVariant, FcVersion, Frame, Identity, Message, Modes, RawGps, Rc, SetRawRc, Sonar,
-    Status,
+    Direction, FcVariant, FcVersion, Frame, Identity, Message, Modes, Motor, RawGps, Rc, SetRawRc,
+    Sonar, Status,
 };
 
 /// What a controller tells.
@@ -22,6 +22,7 @@ pub enum Telemetry {
     Sonar(Sonar),
     Analog(Analog),
     Battery(BatteryState),
+    Motor(Motor),
     /// How many of the newest [`RC_COUNTED`](crate::RC_COUNTED) RC frames were acknowledged.
     Acknowledged(u32),
     /// An answer that came too late to say how it is now. The controller lives.
@@ -189,6 +190,7 @@ fn telemetry(frame: &Frame<'_>) -> Result<Option<Telemetry>, DecodeError> {
         Sonar::COMMAND => Telemetry::Sonar(Decode::decode(payload)?),
         Analog::COMMAND => Telemetry::Analog(Decode::decode(payload)?),
         BatteryState::COMMAND => Telemetry::Battery(Decode::decode(payload)?),
+        Motor::COMMAND => Telemetry::Motor(Decode::decode(payload)?),
         _ => return Ok(None),
     }))
 }

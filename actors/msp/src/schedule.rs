@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Direction, FcVariant,
-    FcVersion, Frame, Message, RawGps, Rc, SetRawRc, Sonar, Status, Version, encode, order,
+    FcVersion, Frame, Message, Motor, RawGps, Rc, SetRawRc, Sonar, Status, Version, encode, order,
 };
 
 /// A controller reads about one command in this time (`serial_update_rate_hz`, 100 by default).
@@ -69,21 +69,22 @@ const FURTHER_BOXES: Query = Query {
 };
 
 /// What a link asks: who the controller is, then how it does. Fewer questions a second than the 50 ticks that RC leaves.
-pub const QUERIES: [Query; 14] = [
+pub const QUERIES: [Query; 15] = [
     once::<ApiVersion>(),
     once::<FcVariant>(),
     once::<FcVersion>(),
     once::<BoardInfo>(),
     once::<BoxIds>(),
     FURTHER_BOXES,
-    every::<Status>(200),
+    every::<Status>(160),
     every::<Attitude>(80),
     every::<Altitude>(100),
     every::<RawGps>(100),
-    every::<BatteryState>(1000),
-    every::<Rc>(1000),
-    every::<Sonar>(1000),
-    every::<Analog>(1000),
+    every::<Motor>(500),
+    every::<BatteryState>(500),
+    every::<Rc>(2000),
+    every::<Sonar>(2000),
+    every::<Analog>(2000),
 ];
 
 /// What to write in a tick.

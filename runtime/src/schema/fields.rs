@@ -130,6 +130,7 @@ fn unit(path: &str) -> Option<&'static str> {
     let units = [
         ("_mps2", "m/s²"),
         ("_mps", "m/s"),
+        ("_dps", "°/s"),
         ("_ms", "milliseconds"),
         ("_us", "microseconds"),
         ("_s", "seconds"),

@@ -131,7 +131,7 @@ impl Vehicle {
             at_rest: self.motion.is_at_rest(now),
             armed: self.armed,
             landing: self.is_landing,
-            taken_over: false,
+            landing_cause: None,
             target: self.target,
             charge: self.battery.charge(now),
         }

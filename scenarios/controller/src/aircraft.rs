@@ -28,6 +28,8 @@ pub(crate) struct Aircraft {
     pub(crate) body: Body,
     /// In rad/s, in Betaflight's order.
     speeds: [f64; 4],
+    /// Speeds of whole propellers with the same thrust, as shares of theirs.
+    whole_shares: [f64; 4],
     pub(crate) battery: Battery,
     pub(crate) contact: Contact,
     pub(crate) wind: Wind,
@@ -46,6 +48,7 @@ impl Aircraft {
             ground_down_m: place.z,
             body: Body::at_rest(place, config.heading_rad),
             speeds: [0.0; 4],
+            whole_shares: [1.0; 4],
             battery: Battery::new(airframe.battery),
             contact: Contact::Ground,
             wind: config.wind,
@@ -73,6 +76,11 @@ impl Aircraft {
         self.contact = Contact::Wreck;
     }
 
+    /// Propellers lose a share of their thrust, in Betaflight's order.
+    pub(crate) fn weaken(&mut self, lost: [f64; 4]) {
+        self.whole_shares = lost.map(|share| libm::sqrt(1.0 - share));
+    }
+
     /// Height above the ground, in metres.
     pub(crate) fn height_m(&self) -> f64 {
         self.ground_down_m - self.body.position.z
@@ -96,8 +104,12 @@ impl Aircraft {
             self.air = self.gusts.step(&self.wind, step, airspeed_mps, span_s);
         }
         let before = self.body.velocity;
+        let mut speeds = self.speeds;
+        for (speed, share) in speeds.iter_mut().zip(self.whole_shares) {
+            *speed *= share;
+        }
         self.body
-            .integrate(&self.airframe, &self.speeds, reaction_nm, self.air, STEP_S);
+            .integrate(&self.airframe, &speeds, reaction_nm, self.air, STEP_S);
         let contact = self
             .landing
             .contact(&mut self.body, before, self.ground_down_m, STEP_S);

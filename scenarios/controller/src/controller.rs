@@ -76,6 +76,10 @@ pub enum Fault {
     NoFix(bool),
     /// The aircraft breaks; its motors stop.
     Wreck,
+    /// Propellers lose this share of their thrust: rear right, front right, rear left, front left.
+    Weak([f64; 4]),
+    /// Vibration that the gyro's filters let through, in rad/s: its standard deviation on each axis.
+    Shake(f64),
 }
 
 /// The truth about an aircraft: for checkers and drawings, never for what flies it.
@@ -212,6 +216,8 @@ impl Controller {
             Fault::Sag(volts) => self.aircraft.battery.sag(volts),
             Fault::NoFix(is_lost) => self.sensors.gps.is_lost = is_lost,
             Fault::Wreck => self.aircraft.wreck(),
+            Fault::Weak(lost) => self.aircraft.weaken(lost),
+            Fault::Shake(rad_s) => self.sensors.shake_rad_s = rad_s,
         }
         self.touch();
     }

@@ -88,6 +88,8 @@ pub(crate) struct Sensors {
     barometer_drift: Drift<1>,
     rangefinder: Noise<1>,
     pub(crate) gps: Gps,
+    /// Vibration: what a fault adds to the error of the rates, in rad/s.
+    pub(crate) shake_rad_s: f64,
 }
 
 impl Sensors {
@@ -101,13 +103,14 @@ impl Sensors {
             barometer_drift: Drift::new(seed, 5, 60_000),
             rangefinder: Noise::new(seed, 6),
             gps: Gps::new(noise, seed, place),
+            shake_rad_s: 0.0,
         }
     }
 
     /// Rates about the body's axes, in rad/s.
     #[inline]
     pub(crate) fn rates(&mut self, step: u64, body: &Body) -> Vector3<f64> {
-        body.rates + Vector3::from(self.rates.at(step)) * self.noise.rate_rad_s
+        body.rates + Vector3::from(self.rates.at(step)) * (self.noise.rate_rad_s + self.shake_rad_s)
     }
 
     /// Roll to the right, pitch nose up and heading, in radians.

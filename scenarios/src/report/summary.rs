@@ -245,6 +245,10 @@ pub(super) const fn unplanned(reason: LandingReason) -> Option<&'static str> {
         LandingReason::JournalLost => Some("its journal could not be written"),
         LandingReason::Controller => Some("its flight controller landed it"),
         LandingReason::TakenOver => Some("its pilot took it over"),
+        LandingReason::Tilt => Some("it leant too far"),
+        LandingReason::Thrust => Some("its throttle had no effect"),
+        LandingReason::Motors => Some("its motors were at their limit or trembled"),
+        LandingReason::Volts => Some("its voltage under load was too low"),
     }
 }
 

@@ -131,6 +131,10 @@ pub enum ControllerFault {
     DelayBytes(Duration),
     /// The battery's voltage falls by this many volts.
     SagBattery(f64),
+    /// This share of the thrust is lost, 0 to 1: of one motor, from 1 in Betaflight's order, or of all.
+    WeakenMotor(Option<u8>, f64),
+    /// The aircraft vibrates: its gyro errs by this many °/s more.
+    Shake(f64),
     /// Its pilot takes the sticks, and lands.
     TakeOver,
 }
@@ -232,6 +236,14 @@ impl DroneFault {
 }
 
 impl ControllerFault {
+    /// Whether an aircraft may break by it, whatever its drone does.
+    pub(crate) const fn may_break_aircraft(self) -> bool {
+        matches!(
+            self,
+            Self::Freeze | Self::SagBattery(_) | Self::WeakenMotor(..) | Self::Shake(_)
+        )
+    }
+
     const fn kind(&self) -> FaultKindName {
         match self {
             Self::Freeze => FaultKindName::FreezeController,
@@ -240,6 +252,8 @@ impl ControllerFault {
             Self::CorruptBytes(_) => FaultKindName::CorruptBytes,
             Self::DelayBytes(_) => FaultKindName::DelayBytes,
             Self::SagBattery(_) => FaultKindName::SagBattery,
+            Self::WeakenMotor(..) => FaultKindName::WeakenMotor,
+            Self::Shake(_) => FaultKindName::Shake,
             Self::TakeOver => FaultKindName::TakeOver,
         }
     }

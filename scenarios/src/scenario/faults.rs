@@ -185,6 +185,17 @@ impl Reader<'_> {
                 let volts = fault.volts.as_ref().expect(CHECKED).get_ref().0;
                 self.of_controller(fault, ControllerFault::SagBattery(volts))
             }
+            FaultKindName::WeakenMotor => {
+                let motor = fault
+                    .motor
+                    .as_ref()
+                    .map(|it| u8::try_from(it.get_ref().0).expect("at most 4"));
+                self.of_controller(fault, ControllerFault::WeakenMotor(motor, fault.share.0))
+            }
+            FaultKindName::Shake => {
+                let dps = fault.rate_dps.as_ref().expect(CHECKED).get_ref().0;
+                self.of_controller(fault, ControllerFault::Shake(dps))
+            }
             FaultKindName::TakeOver => self.of_controller(fault, ControllerFault::TakeOver),
             FaultKindName::Cut => self.of_links(fault, LinkFault::Cut),
             FaultKindName::OneWay => self.of_links(fault, LinkFault::OneWay),

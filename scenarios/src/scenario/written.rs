@@ -144,11 +144,15 @@ fn insert_keys(kind: &FaultKind, table: &mut Table) {
 }
 
 fn insert_controller_key(fault: ControllerFault, table: &mut Table) {
+    if let ControllerFault::WeakenMotor(Some(motor), _) = fault {
+        table.insert("motor", value(i64::from(motor)));
+    }
     let (key, own) = match fault {
         ControllerFault::Freeze | ControllerFault::ClosePort | ControllerFault::TakeOver => return,
-        ControllerFault::LoseBytes(share) | ControllerFault::CorruptBytes(share) => {
-            ("share", value(share))
-        }
+        ControllerFault::LoseBytes(share)
+        | ControllerFault::CorruptBytes(share)
+        | ControllerFault::WeakenMotor(_, share) => ("share", value(share)),
+        ControllerFault::Shake(dps) => ("rate_dps", value(dps)),
         ControllerFault::DelayBytes(by) => ("by_ms", value(milliseconds(by))),
         ControllerFault::SagBattery(volts) => ("volts", value(volts)),
     };

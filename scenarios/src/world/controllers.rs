@@ -224,7 +224,7 @@ impl Controllers {
         if let (ControllerFault::TakeOver, Some(pilot)) = (fault, &mut attached.pilot) {
             pilot.take_over();
         }
-        if let ControllerFault::Freeze | ControllerFault::SagBattery(_) = fault {
+        if fault.may_break_aircraft() {
             attached.wreck.excuse();
         }
         attached.faulty.affect(now, fault, lasts);

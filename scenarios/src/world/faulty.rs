@@ -21,6 +21,12 @@ pub struct FaultyController {
     frozen_until: Option<Timestamp>,
     /// When the battery's voltage is back. `None` if it is there.
     sags_until: Option<Timestamp>,
+    /// When the motors have their thrust again. `None` if they have.
+    weak_until: Option<Timestamp>,
+    /// Shares of thrust that are lost.
+    lost: [f64; 4],
+    /// When the aircraft vibrates no more. `None` if it doesn't.
+    shakes_until: Option<Timestamp>,
 }
 
 impl FaultyController {
@@ -33,6 +39,9 @@ impl FaultyController {
             closed_until: Timestamp::ZERO,
             frozen_until: None,
             sags_until: None,
+            weak_until: None,
+            lost: [0.0; 4],
+            shakes_until: None,
         }
     }
 
@@ -56,6 +65,13 @@ impl FaultyController {
         if self.sags_until.take_if(|until| *until <= now).is_some() {
             self.controller.fault(now, Fault::Sag(0.0));
         }
+        if self.weak_until.take_if(|until| *until <= now).is_some() {
+            self.lost = [0.0; 4];
+            self.controller.fault(now, Fault::Weak(self.lost));
+        }
+        if self.shakes_until.take_if(|until| *until <= now).is_some() {
+            self.controller.fault(now, Fault::Shake(0.0));
+        }
     }
 
     /// Injects a fault, for so long or for good. [`ControllerFault::TakeOver`] is the pilot's, and does nothing here.
@@ -73,6 +89,19 @@ impl FaultyController {
             ControllerFault::SagBattery(volts) => {
                 self.controller.fault(now, Fault::Sag(volts));
                 self.sags_until = Some(until);
+            }
+            ControllerFault::WeakenMotor(motor, share) => {
+                for (own, lost) in (1..).zip(&mut self.lost) {
+                    if motor.is_none_or(|motor| motor == own) {
+                        *lost = share;
+                    }
+                }
+                self.controller.fault(now, Fault::Weak(self.lost));
+                self.weak_until = Some(until);
+            }
+            ControllerFault::Shake(dps) => {
+                self.controller.fault(now, Fault::Shake(dps.to_radians()));
+                self.shakes_until = Some(until);
             }
             ControllerFault::TakeOver => {}
         }

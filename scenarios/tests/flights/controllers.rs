@@ -108,6 +108,34 @@ fn a_sagging_battery_brings_its_drone_down() {
 }
 
 #[test]
+fn a_drone_whose_aircraft_does_not_do_what_it_is_told_lands_and_the_others_finish() {
+    for (fault, why) in [
+        (
+            r#"kind = "weaken-motor", share = 0.4"#,
+            "its throttle had no effect",
+        ),
+        (
+            r#"kind = "weaken-motor", motor = 2, share = 1.0"#,
+            "it leant too far",
+        ),
+        (
+            r#"kind = "shake", rate_dps = 20"#,
+            "its motors were at their limit or trembled",
+        ),
+        (
+            r#"kind = "sag-battery", volts = 4"#,
+            "its voltage under load was too low",
+        ),
+    ] {
+        let fault = format!("{{ at_s = 30, drone = 1, {fault} }}");
+        let report = flown("seed=1", &fault);
+        assert_came_down(&report, &fault);
+        let because = report.drones[1].landed_because.as_deref();
+        assert_eq!(because, Some(why), "{fault}");
+    }
+}
+
+#[test]
 fn a_drone_whose_pilot_takes_over_lands_for_the_swarm_and_the_others_finish() {
     for seed in SEEDS {
         let fault = r#"{ at_s = 30, kind = "take-over", drone = 1 }"#;

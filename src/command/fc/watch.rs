@@ -84,6 +84,7 @@ impl View {
             Telemetry::Battery(battery) => self.battery = battery,
             Telemetry::Analog(_)
             | Telemetry::Gps(_)
+            | Telemetry::Motor(_)
             | Telemetry::Sonar(_)
             | Telemetry::Acknowledged(_)
             | Telemetry::Late => {}

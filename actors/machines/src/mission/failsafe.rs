@@ -8,6 +8,7 @@
 use super::{Alone, Event, LandingReason, Lead, Mission, State, Succession, Transmit};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
+use crate::msp::LandingCause;
 use crate::navigation::{Failure, Goal};
 use crate::time::Timestamp;
 
@@ -21,6 +22,19 @@ impl From<Failure> for LandingReason {
             Failure::Geofence => Self::Geofence,
             Failure::PositionLost => Self::PositionLost,
             Failure::BatteryCritical => Self::BatteryCritical,
+        }
+    }
+}
+
+impl From<Option<LandingCause>> for LandingReason {
+    fn from(cause: Option<LandingCause>) -> Self {
+        match cause {
+            None => Self::Controller,
+            Some(LandingCause::Pilot) => Self::TakenOver,
+            Some(LandingCause::Tilt) => Self::Tilt,
+            Some(LandingCause::Thrust) => Self::Thrust,
+            Some(LandingCause::Motors) => Self::Motors,
+            Some(LandingCause::Volts) => Self::Volts,
         }
     }
 }

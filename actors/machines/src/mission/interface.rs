@@ -102,6 +102,14 @@ pub enum LandingReason {
     NetworkLost,
     /// The pilot took the aircraft over.
     TakenOver,
+    /// The aircraft leant too far.
+    Tilt,
+    /// The throttle had no effect.
+    Thrust,
+    /// A motor was at its limit, or all of them trembled.
+    Motors,
+    /// The voltage under load was too low.
+    Volts,
 }
 
 /// Observable outputs of a mission.

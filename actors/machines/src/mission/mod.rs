@@ -367,11 +367,8 @@ impl Machine for Mission {
             Input::Navigation(NavigationNotice::Position { position, velocity }) => {
                 self.handle_position(now, position, velocity);
             }
-            Input::Navigation(NavigationNotice::UncommandedLanding) => {
-                self.handle_uncommanded_landing(LandingReason::Controller);
-            }
-            Input::Navigation(NavigationNotice::TakenOver) => {
-                self.handle_uncommanded_landing(LandingReason::TakenOver);
+            Input::Navigation(NavigationNotice::UncommandedLanding(cause)) => {
+                self.handle_uncommanded_landing(cause.into());
             }
             Input::Navigation(NavigationNotice::Landed) => self.handle_touchdown(),
             Input::Navigation(NavigationNotice::Failing {

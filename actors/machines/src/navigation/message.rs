@@ -1,7 +1,7 @@
 use super::{Checkpoint, Failure, Goal};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::NodeId;
-use crate::msp::{FlightCommand, Telemetry};
+use crate::msp::{FlightCommand, LandingCause, Telemetry};
 use crate::traffic::Intent;
 
 /// Input of a navigation.
@@ -54,10 +54,8 @@ pub enum Notice {
         /// Velocity.
         velocity: Velocity,
     },
-    /// The vehicle is landing without a command to land.
-    UncommandedLanding,
-    /// The vehicle's pilot took it over.
-    TakenOver,
+    /// The vehicle is landing without a command to land, for this reason if it is known.
+    UncommandedLanding(Option<LandingCause>),
     /// The drone is on the ground and disarmed.
     Landed,
     /// A failure that was not reported before. On a lost position or a fence breach the drone holds until it gets

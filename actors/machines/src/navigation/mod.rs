@@ -250,11 +250,7 @@ impl Navigation {
     fn report_not_flying(&mut self, now: Timestamp, telemetry: &Telemetry) {
         if telemetry.armed {
             self.announce_descent(now, telemetry);
-            self.inform(if telemetry.taken_over {
-                Notice::TakenOver
-            } else {
-                Notice::UncommandedLanding
-            });
+            self.inform(Notice::UncommandedLanding(telemetry.landing_cause));
         } else {
             self.inform(Notice::Landed);
         }

@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use super::*;
 use crate::machine::{Emitted, Stimulus, step};
+use crate::msp::LandingCause;
 
 const CONFIG: Config = Config {
     speed_mps: 10.0,
@@ -29,7 +30,7 @@ const ON_THE_GROUND: Telemetry = Telemetry {
     at_rest: true,
     armed: false,
     landing: false,
-    taken_over: false,
+    landing_cause: None,
     target: None,
     position_lost_for: None,
     charge: 1.0,
@@ -146,13 +147,14 @@ fn uncommanded_landing_is_reported_while_hovering() {
         ..ON_THE_GROUND
     };
     let output = handle(&mut navigation, Input::Telemetry(coming_down));
-    assert_eq!(output, [Transmit::Inform(Notice::UncommandedLanding)]);
+    assert_eq!(output, [Transmit::Inform(Notice::UncommandedLanding(None))]);
     let taken_over = Telemetry {
-        taken_over: true,
+        landing_cause: Some(LandingCause::Pilot),
         ..coming_down
     };
     let output = handle(&mut navigation, Input::Telemetry(taken_over));
-    assert_eq!(output, [Transmit::Inform(Notice::TakenOver)]);
+    let because = Notice::UncommandedLanding(Some(LandingCause::Pilot));
+    assert_eq!(output, [Transmit::Inform(because)]);
     let output = handle(&mut navigation, Input::Telemetry(ON_THE_GROUND));
     assert_eq!(output, [Transmit::Inform(Notice::Landed)]);
 }

@@ -63,7 +63,7 @@ pub(super) const UNKNOWN: Telemetry = Telemetry {
     at_rest: true,
     armed: false,
     landing: false,
-    taken_over: false,
+    landing_cause: None,
     target: None,
     charge: 1.0,
 };

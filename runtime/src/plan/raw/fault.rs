@@ -8,7 +8,8 @@ use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value, json};
 
 use super::{
-    Length, Milliseconds, Offset, PartsPerMillion, Seconds, SecondsFrom0, Share, Volts, Whole,
+    Length, Milliseconds, Offset, PartsPerMillion, Seconds, SecondsFrom0, Share, TurnRate, Volts,
+    Whole,
 };
 use crate::schema::{Located, Or};
 
@@ -69,6 +70,11 @@ pub struct Fault {
     pub by_ms: Option<Located<Milliseconds>>,
     /// Voltage that the battery loses.
     pub volts: Option<Located<Volts>>,
+    /// The affected motor, in Betaflight's order: rear right, front right, rear left, front left.
+    #[schemars(extend("x-default" = "all"))]
+    pub motor: Option<Located<Whole<1, 4>>>,
+    /// Rate of turn.
+    pub rate_dps: Option<Located<TurnRate>>,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]
@@ -110,6 +116,10 @@ pub enum FaultKindName {
     DelayBytes,
     /// The battery's voltage falls by `volts`. Only with `vehicle.kind = "msp"`.
     SagBattery,
+    /// A motor, or all of them, loses a `share` of its thrust. Only with `vehicle.kind = "msp"`.
+    WeakenMotor,
+    /// The aircraft vibrates: its gyro errs by `rate_dps` more, as a standard deviation. Only with `vehicle.kind = "msp"`.
+    Shake,
     /// The pilot takes the sticks, for good, and lands. Only with `vehicle.receiver = "override"`.
     TakeOver,
     /// No frame gets through, either way.
@@ -152,7 +162,7 @@ impl Keys {
 
 impl FaultKindName {
     /// All kinds, in the order of the reference.
-    pub const ALL: [Self; 26] = [
+    pub const ALL: [Self; 28] = [
         Self::CrashActor,
         Self::Hang,
         Self::Restart,
@@ -169,6 +179,8 @@ impl FaultKindName {
         Self::CorruptBytes,
         Self::DelayBytes,
         Self::SagBattery,
+        Self::WeakenMotor,
+        Self::Shake,
         Self::TakeOver,
         Self::Cut,
         Self::OneWay,
@@ -193,6 +205,8 @@ impl FaultKindName {
             Self::LoseBytes | Self::CorruptBytes => Keys::new(&["drone", "share"], &["for_s"]),
             Self::DelayBytes => Keys::new(&["drone", "by_ms"], &["for_s"]),
             Self::SagBattery => Keys::new(&["drone", "volts"], &["for_s"]),
+            Self::WeakenMotor => Keys::new(&["drone", "share"], &["motor", "for_s"]),
+            Self::Shake => Keys::new(&["drone", "rate_dps"], &["for_s"]),
             Self::Kill | Self::CrashAircraft | Self::Replay | Self::Forge | Self::TakeOver => {
                 Keys::new(&["drone"], &[])
             }
@@ -218,6 +232,8 @@ impl FaultKindName {
                 | Self::CorruptBytes
                 | Self::DelayBytes
                 | Self::SagBattery
+                | Self::WeakenMotor
+                | Self::Shake
                 | Self::TakeOver
         )
     }
@@ -242,6 +258,8 @@ impl FaultKindName {
             Self::CorruptBytes => "corrupt-bytes",
             Self::DelayBytes => "delay-bytes",
             Self::SagBattery => "sag-battery",
+            Self::WeakenMotor => "weaken-motor",
+            Self::Shake => "shake",
             Self::TakeOver => "take-over",
             Self::Cut => "cut",
             Self::OneWay => "one-way",
@@ -258,7 +276,7 @@ impl FaultKindName {
 
 impl Fault {
     /// Every key that only some kinds take, with its place if the fault has it.
-    pub fn keys(&self) -> [(&'static str, Option<Range<usize>>); 14] {
+    pub fn keys(&self) -> [(&'static str, Option<Range<usize>>); 16] {
         fn span<T>(value: &Option<Located<T>>) -> Option<Range<usize>> {
             value.as_ref().map(|it| it.span())
         }
@@ -277,6 +295,8 @@ impl Fault {
             ("share", self.share.span()),
             ("by_ms", span(&self.by_ms)),
             ("volts", span(&self.volts)),
+            ("motor", span(&self.motor)),
+            ("rate_dps", span(&self.rate_dps)),
         ]
     }
 }

@@ -28,7 +28,8 @@ pub use self::names::{
 };
 pub use self::numbers::{
     Gusts, Heading, Height, Length, Microseconds, Milliseconds, Offset, PartsPerMillion, Payload,
-    Rate, Seconds, SecondsFrom0, Seed, Shape, Share, Sigma, Velocity, Volts, Wear, Whole, Wind,
+    Rate, Seconds, SecondsFrom0, Seed, Shape, Share, Sigma, TurnRate, Velocity, Volts, Wear, Whole,
+    Wind,
 };
 pub(super) use self::reference::reference;
 use crate::schema::{Located, Or};

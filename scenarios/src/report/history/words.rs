@@ -76,6 +76,13 @@ fn of_drone(fault: &DroneFault, kind: &FaultKind) -> String {
         ) => {
             format!("{}, {} %", kind.name(), figure(share * 100.0, 1))
         }
+        DroneFault::Controller(ControllerFault::WeakenMotor(motor, share)) => {
+            let which = motor.map_or_else(|| "all".to_owned(), |it| it.to_string());
+            format!("{} {which} by {} %", kind.name(), figure(share * 100.0, 0))
+        }
+        DroneFault::Controller(ControllerFault::Shake(dps)) => {
+            format!("{} by {} °/s", kind.name(), figure(*dps, 0))
+        }
         DroneFault::Controller(ControllerFault::DelayBytes(by)) => {
             format!("{} by {} ms", kind.name(), by.as_millis())
         }

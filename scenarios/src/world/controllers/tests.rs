@@ -4,7 +4,9 @@ use muster_controller::Contact;
 use muster_machines::geometry::Ned;
 use muster_machines::machine::Output;
 use muster_machines::msp::controller::Stage;
-use muster_machines::msp::{FlightCommand, Input, Link, Setpoint, Telemetry, Transmit};
+use muster_machines::msp::{
+    FlightCommand, Input, LandingCause, Link, Setpoint, Telemetry, Transmit,
+};
 use muster_msp::TICK;
 use rand::RngExt;
 
@@ -147,7 +149,9 @@ fn pilot_who_takes_over_at_any_moment_has_the_sticks_and_nothing_arms_again() {
         assert!(is_near, "{counting:?}, {pilots:?}, flight {flight}");
         bench.pass(0.2);
         assert!(
-            bench.told.is_some_and(|it| it.landing && it.taken_over),
+            bench
+                .told
+                .is_some_and(|it| it.landing && it.landing_cause == Some(LandingCause::Pilot)),
             "flight {flight}"
         );
         bench.pass(40.0);
@@ -211,4 +215,105 @@ fn bytes_that_were_altered_are_counted() {
     assert!(after.noise_bytes > 10 * after.bad_frames, "{after:?}");
     assert!(after.questions_lost > 30, "{after:?}");
     assert!(bench.violation.is_none() && bench.told.is_some_and(|it| !it.landing));
+}
+
+/// What is left of a flight in which something goes wrong.
+#[derive(Debug)]
+struct End {
+    /// From the fault until the link reported that it lands, in seconds.
+    told_s: f64,
+    why: Option<LandingCause>,
+    contact: Contact,
+    /// From the fault until the motors stopped, in seconds.
+    disarmed_s: f64,
+    /// The fastest descent from 7 s after the fault on, in m/s.
+    descent_mps: f64,
+}
+
+/// Something goes wrong in a hover at 25 m.
+fn end_of(seed: u64, fault: ControllerFault) -> End {
+    let mut bench = Bench::flying("sole", seed);
+    bench.pass(8.0);
+    bench.fly(25.0, 0.0);
+    bench.pass(15.0);
+    assert!(bench.told.is_some_and(|it| !it.landing), "it hovers");
+    bench.affect(fault);
+    let (mut told_s, mut why, mut descent_mps) = (None, None, 0.0_f64);
+    for step in 1..=600 {
+        bench.pass(0.1);
+        let seconds = f64::from(step) / 10.0;
+        if let Some(told) = bench.told.filter(|it| it.landing) {
+            told_s.get_or_insert(seconds);
+            why = why.or(told.landing_cause);
+        }
+        let truth = bench.truth.expect("it has flown");
+        if seconds > 7.0 && truth.contact == Contact::Airborne {
+            descent_mps = descent_mps.max(truth.velocity.0.z);
+        }
+        if !truth.is_armed {
+            return End {
+                told_s: told_s.expect("it was reported before"),
+                why,
+                contact: truth.contact,
+                disarmed_s: seconds,
+                descent_mps,
+            };
+        }
+    }
+    panic!("still armed: {why:?}, {:?}", bench.truth);
+}
+
+/// It is reported in time, with the reason, and the aircraft comes down whole.
+fn assert_lands(seed: u64, fault: ControllerFault, why: LandingCause, told_s: f64) {
+    let end = end_of(seed, fault);
+    assert_eq!(end.why, Some(why), "seed {seed}, {end:?}");
+    assert!(end.told_s <= told_s, "seed {seed}, {end:?}");
+    assert_ne!(end.contact, Contact::Wreck, "seed {seed}, {end:?}");
+    // The landing asks for 1.5 m/s.
+    assert!(end.descent_mps <= 2.5, "seed {seed}, {end:?}");
+    assert!(end.disarmed_s <= 55.0, "seed {seed}, {end:?}");
+}
+
+#[test]
+fn an_aircraft_without_one_propeller_tumbles_is_reported_and_stops_its_motors() {
+    for seed in 0..10 {
+        let end = end_of(seed, ControllerFault::WeakenMotor(Some(2), 1.0));
+        assert_eq!(end.why, Some(LandingCause::Tilt), "seed {seed}, {end:?}");
+        assert!(end.told_s <= 1.5, "seed {seed}, {end:?}");
+        assert!(end.disarmed_s <= 20.0, "seed {seed}, {end:?}");
+    }
+}
+
+#[test]
+fn an_aircraft_that_lost_thrust_comes_down_at_a_bounded_rate() {
+    for seed in 0..10 {
+        for (motor, share) in [(None, 0.4), (None, 0.5), (Some(2), 0.7)] {
+            let fault = ControllerFault::WeakenMotor(motor, share);
+            assert_lands(seed, fault, LandingCause::Thrust, 2.5);
+        }
+    }
+}
+
+#[test]
+fn an_aircraft_that_vibrates_comes_down() {
+    for seed in 0..10 {
+        assert_lands(
+            seed,
+            ControllerFault::Shake(20.0),
+            LandingCause::Motors,
+            5.0,
+        );
+    }
+}
+
+#[test]
+fn a_voltage_too_low_under_load_brings_the_aircraft_down() {
+    for seed in 0..10 {
+        assert_lands(
+            seed,
+            ControllerFault::SagBattery(4.0),
+            LandingCause::Volts,
+            2.0,
+        );
+    }
 }

@@ -238,7 +238,7 @@ impl AutopilotLink {
             at_rest: !armed || !landing && has_come_to_rest,
             armed,
             landing,
-            taken_over: self.contact.taken().by_pilot,
+            landing_cause: self.contact.taken().cause(),
             target: (self.course.filter(|_| armed && !landing)).and_then(|it| it.leg_end()),
             charge: self.charge.unwrap_or(1.0),
         }
@@ -274,6 +274,7 @@ impl AutopilotLink {
                 setpoint: self.course.map(|it| it.setpoint),
                 is_landing: self.must_land,
                 taken: self.contact.taken(),
+                impaired: None,
                 // The autopilot's own business.
                 start: None,
                 hover_throttle: 0.0,

@@ -223,7 +223,7 @@ fn an_aircraft_that_another_mode_takes_gets_no_order_but_heartbeats() {
     bench.mode = Mode::Other;
     bench.run(0.1);
     let told = bench.told();
-    assert!(told.landing && told.taken_over);
+    assert!(told.landing && told.landing_cause == Some(crate::msp::LandingCause::Pilot));
     bench.command(FlightCommand::Fly(LEG));
     bench.command(FlightCommand::Land);
     bench.mode = Mode::Guided;

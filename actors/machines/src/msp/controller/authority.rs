@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::config::Receiver;
 use super::reports::Reported;
+use crate::msp::LandingCause;
 use crate::msp::silence::Silence;
 use crate::time::Timestamp;
 
@@ -26,6 +27,13 @@ pub struct Taken {
     /// The controller's failsafe flies, or the link was lost in flight. Until it has disarmed it gets no RC, which would end
     /// the failsafe in mid-air.
     pub by_failsafe: bool,
+}
+
+impl Taken {
+    /// Why the vehicle lands, if it is known.
+    pub(in crate::msp) fn cause(self) -> Option<LandingCause> {
+        self.by_pilot.then_some(LandingCause::Pilot)
+    }
 }
 
 /// Who flies.

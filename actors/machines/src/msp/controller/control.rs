@@ -22,6 +22,10 @@ const STEADY_S: f64 = 15.0;
 /// Limits of the vertical acceleration, in m/s².
 const CLIMB_MAX_MPS2: f64 = 4.0;
 
+/// The same, and its integrated share, of a vehicle whose thrust had no effect: three times its weight, which is nearly full
+/// throttle for one that hovered at half of it. Ours.
+const WEAK_UP_MAX_MPS2: f64 = 20.0;
+
 /// Where a vehicle should be now.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Reference {
@@ -52,6 +56,8 @@ pub(super) struct Control {
     steady: Vector2<f64>,
     /// The acceleration downwards of the last sticks, in m/s².
     down_mps2: f64,
+    /// Whether thrust had no effect.
+    is_weak: bool,
 }
 
 impl Control {
@@ -61,6 +67,7 @@ impl Control {
             integral: Vector3::new(0.0, 0.0, 0.0),
             steady: Vector2::new(0.0, 0.0),
             down_mps2: 0.0,
+            is_weak: false,
         }
     }
 
@@ -72,6 +79,31 @@ impl Control {
     /// The acceleration downwards of the last sticks, in m/s².
     pub(super) const fn down_mps2(&self) -> f64 {
         self.down_mps2
+    }
+
+    /// Thrust had no effect: what was asked for counts as learnt, and from now on as much is asked for as the motors have.
+    pub(super) fn expect_little_thrust(&mut self) {
+        self.is_weak = true;
+        self.integral.z = self.integral.z.min(self.down_mps2);
+    }
+
+    /// Largest acceleration upwards, and its largest integrated share, in m/s².
+    const fn up_max_mps2(&self) -> (f64, f64) {
+        match self.is_weak {
+            true => (WEAK_UP_MAX_MPS2, WEAK_UP_MAX_MPS2),
+            false => (CLIMB_MAX_MPS2, INTEGRAL_MAX_MPS2),
+        }
+    }
+
+    /// Sticks that level a vehicle that has tipped over: with the least throttle that motors follow, for its thrust points aside
+    /// or down.
+    pub(super) fn upright() -> Sticks {
+        Sticks {
+            roll: Channel::CENTRE,
+            pitch: Channel::CENTRE,
+            throttle: channel(1_000.0 + THROTTLE_US * THROTTLE_MIN),
+            yaw: Channel::CENTRE,
+        }
     }
 
     /// Sticks of a level vehicle that neither climbs nor sinks by itself.
@@ -129,7 +161,10 @@ impl Control {
         }
         if !is_saturated {
             let limit = INTEGRAL_MAX_MPS2;
-            self.integral = (self.integral + growth).map(|it| it.clamp(-limit, limit));
+            let lowest = Vector3::new(-limit, -limit, -self.up_max_mps2().1);
+            self.integral = (self.integral + growth)
+                .sup(&lowest)
+                .map(|it| it.min(limit));
         }
         self.sticks(acceleration, tilt)
     }
@@ -142,7 +177,7 @@ impl Control {
         *acceleration = Vector3::new(
             level.x,
             level.y,
-            acceleration.z.clamp(-CLIMB_MAX_MPS2, CLIMB_MAX_MPS2),
+            acceleration.z.clamp(-self.up_max_mps2().0, CLIMB_MAX_MPS2),
         );
         *acceleration != before
     }

@@ -8,6 +8,7 @@ mod config;
 mod control;
 mod estimator;
 mod guidance;
+mod impairment;
 mod reports;
 mod tether;
 mod touchdown;
@@ -25,12 +26,13 @@ pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
 use self::control::{Control, Lean};
 use self::estimator::{Estimate, Estimator, Tilt};
 use self::guidance::Guidance;
+use self::impairment::{Finding, Response, Watch};
 use self::reports::{Reported, Reports};
 pub use self::tether::{
     TETHER_HEIGHT_MAX_M, TETHER_RADIUS_MAX_M, TETHER_THROTTLE_MAX, TETHER_TILT_MAX_RAD,
 };
 use self::touchdown::{Descent, Touchdown};
-use super::{Checkpoint, Event, FlightCommand, Input, Setpoint, Telemetry, Transmit};
+use super::{Checkpoint, Event, FlightCommand, Input, LandingCause, Setpoint, Telemetry, Transmit};
 use crate::geometry::{Ned, Velocity};
 use crate::machine::{Machine, Outbox, Output};
 use crate::time::Timestamp;
@@ -108,6 +110,8 @@ pub struct Flight {
     pub ground_m: Option<f64>,
     /// Whether the pilot or the controller's failsafe took the aircraft.
     pub taken: Taken,
+    /// Why it lands, if the aircraft does not do what it is told.
+    pub impaired: Option<LandingCause>,
 }
 
 /// A link to a flight controller that takes sticks.
@@ -140,6 +144,9 @@ pub struct ControllerLink {
     /// It was armed when it was met, and nothing is known of its flight: it may be in the air.
     was_met_armed: bool,
     touchdown: Touchdown,
+    watch: Watch,
+    /// Why it must land, if the aircraft does not do what it is told. The first reason counts.
+    impaired: Option<LandingCause>,
     last: Option<Telemetry>,
     deadline: Option<Timestamp>,
     outbox: Outbox<Transmit, Event>,
@@ -180,10 +187,15 @@ impl ControllerLink {
             has_lifted: before.is_some_and(|it| it.setpoint.is_some()),
             was_met_armed: false,
             touchdown: Touchdown::default(),
+            watch: Watch::default(),
+            impaired: before.and_then(|it| it.impaired),
             last: None,
             deadline: None,
             outbox: Outbox::new(),
         };
+        if link.impaired == Some(LandingCause::Thrust) {
+            link.control.expect_little_thrust();
+        }
         if checkpoint.is_some() {
             link.outbox.transmit(Transmit::Resync);
         }
@@ -271,7 +283,11 @@ impl ControllerLink {
                         self.estimator.measure_gps(now, &gps);
                     }
                     Told::Gps(_) => return,
-                    Told::Battery(state) => self.gauge.measure(&state),
+                    Told::Battery(state) => {
+                        self.gauge.measure(&state);
+                        self.watch.measure_battery(&state);
+                    }
+                    Told::Motor(motors) => self.watch.measure_motors(&motors),
                     Told::Acknowledged(count) => {
                         if self.authority.count_acknowledged(count) {
                             self.lose(now);
@@ -359,6 +375,7 @@ impl ControllerLink {
         let seconds = now.since(self.stepped_at).as_secs_f64().min(0.1);
         self.stepped_at = now;
         self.estimator.predict(now);
+        self.detect_impairment(now);
         self.land_if_due(now);
         self.detect_ground(now);
         self.arming
@@ -371,7 +388,12 @@ impl ControllerLink {
             .flatten();
         self.outbox.transmit(Transmit::Rc(rc));
         let is_kept = self.kept.is_some_and(|kept| {
-            (kept.has_flown, kept.taken) == (self.arming.has_flown(), self.authority.taken())
+            (kept.has_flown, kept.taken, kept.impaired)
+                == (
+                    self.arming.has_flown(),
+                    self.authority.taken(),
+                    self.impaired,
+                )
         });
         if !is_kept {
             self.keep();
@@ -422,6 +444,9 @@ impl ControllerLink {
         if is_in_air && self.guidance.setpoint().is_none() {
             self.fly(now, hold(altitude_m));
             self.keep();
+        }
+        if self.watch.is_tilted() {
+            return Control::upright();
         }
         let still_for = self.touchdown.still_for(now);
         match self.guidance.reference(now, &estimate, still_for) {
@@ -488,6 +513,31 @@ impl ControllerLink {
         Some(SetRawRc::new(sticks, &aux).expect("two aux channels are within the limit"))
     }
 
+    /// Looks whether an aircraft that the link flies does what it is told. If not it lands; one that has not left the ground
+    /// or lies on its side stops its motors.
+    fn detect_impairment(&mut self, now: Timestamp) {
+        let is_flown = self.is_armed() && self.authority.is_links() && self.may_fly();
+        let estimate = self.estimator.estimate().filter(|_| is_flown);
+        let response = estimate.map(|estimate| Response {
+            tilt_rad: libm::acos(self.estimator.tilt().vertical_share()),
+            up_mps2: -self.control.down_mps2(),
+            climb_mps: -estimate.velocity.0.z,
+        });
+        match self.watch.look(now, response) {
+            None => {}
+            Some(Finding::Tipped) => self.arming.end(),
+            Some(Finding::Impaired(cause)) => {
+                self.impaired.get_or_insert(cause);
+                self.must_land = true;
+                match cause {
+                    LandingCause::Thrust if self.has_lifted => self.control.expect_little_thrust(),
+                    LandingCause::Thrust => self.arming.end(),
+                    _ => {}
+                }
+            }
+        }
+    }
+
     /// Stops the motors of a vehicle that has landed.
     fn detect_ground(&mut self, now: Timestamp) {
         let estimate = self.estimator.estimate();
@@ -520,7 +570,7 @@ impl ControllerLink {
             at_rest: !armed || !landing && self.guidance.is_at_rest(now, &estimate),
             armed,
             landing,
-            taken_over: self.authority.taken().by_pilot,
+            landing_cause: self.authority.taken().cause().or(self.impaired),
             target: self.guidance.target().filter(|_| armed),
             charge: self.gauge.charge().unwrap_or(1.0),
         }
@@ -560,6 +610,7 @@ impl ControllerLink {
             hover_throttle: self.control.hover_throttle(),
             ground_m: self.estimator.ground_m(),
             taken: self.authority.taken(),
+            impaired: self.impaired,
         };
         let is_same = self.kept.is_some_and(|kept| {
             let hover_throttle = kept.hover_throttle;

@@ -560,6 +560,52 @@ fn a_tether_stops_a_mission_at_its_edge_also_after_a_restart() {
     assert!(target(&restarted).distance_m(edge) < 1e-9);
 }
 
+fn rolled(deg: i16) -> Input {
+    Input::Port(PortEvent::Told(Told::Attitude(Attitude {
+        roll_ddeg: deg * 10,
+        pitch_ddeg: 0,
+        yaw_deg: 0,
+    })))
+}
+
+#[test]
+fn a_vehicle_that_tips_over_is_righted_and_lands_and_one_that_lies_stops_its_motors() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    let tip = |bench: &mut Bench, deg| {
+        for _ in 0..2 {
+            bench.give(rolled(deg));
+        }
+    };
+    tip(&mut bench, 80);
+    bench.pass(200, ARM);
+    assert!(
+        !bench.telemetry.last().unwrap().landing,
+        "not for long enough"
+    );
+    bench.pass(200, ARM);
+    let last = *bench.telemetry.last().unwrap();
+    assert!(last.landing && last.landing_cause == Some(LandingCause::Tilt));
+    assert_eq!(bench.rc.unwrap().sticks(), Control::upright());
+    let restarted = Bench::new(config(), bench.checkpoint);
+    assert_eq!(restarted.link.impaired, Some(LandingCause::Tilt));
+    tip(&mut bench, 0);
+    bench.pass(100, ARM);
+    assert!(bench.is_arm_high() && bench.throttle() > 1_200);
+    assert!(bench.link.guidance.is_landing(), "it is not taken back");
+    tip(&mut bench, 80);
+    bench.pass(2_100, ARM);
+    assert!(!bench.is_arm_high());
+}
+
+#[test]
+fn a_vehicle_too_heavy_to_leave_the_ground_stops_its_motors() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.pass(6_000, ARM);
+    let last = *bench.telemetry.last().unwrap();
+    assert_eq!(last.landing_cause, Some(LandingCause::Thrust));
+    assert!(!bench.is_arm_high());
+}
+
 /// A checkpoint of a flight that has learnt a hover throttle.
 fn in_flight(hover_throttle: f64) -> Checkpoint {
     Checkpoint {
@@ -576,6 +622,7 @@ fn in_flight(hover_throttle: f64) -> Checkpoint {
             hover_throttle,
             ground_m: Some(0.0),
             taken: Taken::default(),
+            impaired: None,
         }),
     }
 }
@@ -632,6 +679,8 @@ fn any_told() -> impl Strategy<Value = PortEvent> {
             climb_cmps,
         })
     });
+    let motors =
+        any::<[u16; 8]>().prop_map(|outputs_us| Told::Motor(muster_msp::Motor { outputs_us }));
     let battery = (any::<u8>(), any::<u16>(), any::<i16>()).prop_map(|(cells, cv, current_ca)| {
         Told::Battery(BatteryState {
             cells,
@@ -640,7 +689,8 @@ fn any_told() -> impl Strategy<Value = PortEvent> {
             ..BatteryState::default()
         })
     });
-    let told = prop_oneof![flags, gps, attitude, altitude, battery].prop_map(PortEvent::Told);
+    let told =
+        prop_oneof![flags, gps, attitude, altitude, motors, battery].prop_map(PortEvent::Told);
     prop_oneof![1 => identity, 1 => Just(PortEvent::Closed), 1 => Just(status(0)), 1 => Just(status(ARM)), 1 => Just(status(ARM | OVERRIDE)), 6 => told]
 }
 

@@ -21,7 +21,7 @@ const FLYING: Telemetry = Telemetry {
     at_rest: true,
     armed: true,
     landing: false,
-    taken_over: false,
+    landing_cause: None,
     target: None,
     charge: 1.0,
 };
