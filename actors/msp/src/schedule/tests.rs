@@ -63,6 +63,7 @@ fn rc_goes_out_every_20_ms_whatever_is_asked() {
     }
 }
 
+/// A defect of the indoor thesis's code: bad input replayed the last sticks for ever.
 #[test]
 fn sticks_are_repeated_for_100_ms_and_no_longer() {
     let mut line = Line::new();

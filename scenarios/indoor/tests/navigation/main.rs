@@ -49,7 +49,7 @@ fn patrol(setup: Setup, crashes: &[Crash]) -> Outcome {
         if !node.is_up() && now >= back_at {
             node.start(&mut world);
         }
-        node.step(&mut world, stimulus);
+        node.step(&mut world, &stimulus);
     }
     world.finish()
 }

@@ -1,7 +1,6 @@
 //! A drone's navigation in a flat: built from a plan's blueprint and checkpoints, as actors build it.
 
 use std::path::Path;
-use std::time::{Duration, Instant};
 
 use muster_indoor::patrol::{Event, Input, Patrol, Transmit};
 use muster_indoor_world::world::{Prepared, World};
@@ -20,8 +19,6 @@ pub(crate) struct Node {
     pub(crate) checkpoints: Checkpoints,
     machine: Option<NodeMachine>,
     output: StepOutput,
-    /// The time that each step took on this computer.
-    pub(crate) steps: Vec<Duration>,
 }
 
 impl Node {
@@ -37,7 +34,6 @@ impl Node {
             checkpoints: Checkpoints::default(),
             machine: None,
             output: StepOutput::default(),
-            steps: Vec::new(),
         }
     }
 
@@ -53,7 +49,7 @@ impl Node {
             .build(address, self.seed, now, &self.checkpoints);
         self.machine = Some(machine);
         self.seed = self.seed.wrapping_add(1 << 32);
-        self.step(world, Stimulus::Timeout);
+        self.step(world, &Stimulus::Timeout);
     }
 
     /// Loses the machine, and what the world wants of it meanwhile.
@@ -63,19 +59,17 @@ impl Node {
     }
 
     /// Steps the machine; without one the stimulus is lost.
-    pub(crate) fn step(&mut self, world: &mut World, stimulus: Stimulus<Input>) {
+    pub(crate) fn step(&mut self, world: &mut World, stimulus: &Stimulus<Input>) {
         let Some(machine) = &mut self.machine else {
             return;
         };
         let stimulus = match stimulus {
             Stimulus::Timeout => Stimulus::Timeout,
             Stimulus::Input(input) => Stimulus::Input(Envelope::Navigation(Box::new(
-                navigation::Input::Indoor(input),
+                navigation::Input::Indoor(*input),
             ))),
         };
-        let begun = now();
         machine.step(world.now(), stimulus, &mut self.output);
-        self.steps.push(begun.elapsed());
         world.set_deadline(self.output.deadline);
         for effect in self.output.effects.drain(..) {
             if let Some(output) = keep(&mut self.checkpoints, effect) {
@@ -83,11 +77,6 @@ impl Node {
             }
         }
     }
-}
-
-#[expect(clippy::disallowed_methods, reason = "it measures this computer")]
-fn now() -> Instant {
-    Instant::now()
 }
 
 /// Keeps checkpoints; what the flat carries out, if it is that.
