@@ -31,6 +31,7 @@ pub(super) fn filter_config() -> filter::Config {
         alpha4: 0.005,
         // People stand before sonars.
         fit_found: 0.4,
+        fit_regained: 0.4,
         // No particles from elsewhere: one that fits five sonars by chance is taken for the drone. It starts at a known pose.
         recovery_alpha_slow: 0.05,
         recovery_alpha_fast: 0.05,
