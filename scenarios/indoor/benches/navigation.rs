@@ -21,9 +21,9 @@ use muster_indoor_world::world::{Prepared, Setup, World};
 
 use self::node::Node;
 
-const SEEDS: u64 = 5;
+const SEEDS: u64 = 3;
 /// Patrols of each seed.
-const REPEATED: usize = 3;
+const REPEATED: usize = 8;
 /// The most that a step may take.
 const TARGET: Duration = Duration::from_millis(2);
 
