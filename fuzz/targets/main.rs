@@ -5,6 +5,7 @@
 mod drone;
 mod drone_file;
 mod echo;
+mod flat;
 mod frames;
 mod journal;
 mod lidar;
@@ -23,7 +24,7 @@ use libfuzzer_sys::fuzz_target;
 /// Runs a target on an input.
 type Target = fn(&[u8]);
 
-const TARGETS: [(&str, Target); 12] = [
+const TARGETS: [(&str, Target); 13] = [
     ("frames", frames::run),
     ("drone", drone::run),
     ("journal", journal::run),
@@ -34,6 +35,7 @@ const TARGETS: [(&str, Target); 12] = [
     ("msp", msp::run),
     ("map", map::run),
     ("log", log::run),
+    ("flat", flat::run),
     ("lidar", lidar::run),
     ("echo", echo::run),
 ];

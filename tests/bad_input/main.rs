@@ -6,6 +6,7 @@ mod arguments;
 mod exposures;
 mod fences;
 mod files;
+mod maps;
 mod scenarios;
 
 use std::fs;
@@ -56,7 +57,12 @@ impl Folder {
             arguments.extend(["--out", "out"]);
         }
         arguments.extend(more);
-        let (code, [output, error]) = self.muster(&arguments);
+        self.refused(&arguments)
+    }
+
+    /// The error of a command; `Err` with the reason if it doesn't refuse its input as it should.
+    fn refused(&self, arguments: &[&str]) -> Result<String, String> {
+        let (code, [output, error]) = self.muster(arguments);
         let wrong = match () {
             () if code != Some(2) => "the exit code is not 2",
             () if !output.is_empty() => "there is output",

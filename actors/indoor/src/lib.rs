@@ -4,11 +4,11 @@
 pub mod avoidance;
 pub mod coverage;
 pub mod filter;
-pub mod frames;
 pub mod log;
 pub mod map;
 pub mod path;
 pub mod patrol;
-pub mod reading;
 pub mod refusal;
 pub mod sensor;
+
+pub use muster_machines::indoor::{frames, reading};

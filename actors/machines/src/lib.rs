@@ -7,6 +7,7 @@ pub mod formation;
 pub mod geodetic;
 pub mod geometry;
 pub mod identity;
+pub mod indoor;
 pub mod leader;
 pub mod machine;
 pub mod mission;

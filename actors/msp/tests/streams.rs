@@ -259,6 +259,18 @@ fn a_false_header_holds_frames_back_for_a_tenth_of_a_second_at_most() {
     assert_eq!((decoder.counts().late, decoder.counts().bad()), (1, 1));
 }
 
+/// A defect of the indoor thesis's code: one short read, and all later frames were read from the wrong byte.
+#[test]
+fn a_short_read_desynchronises_no_frame() {
+    let stream = b"$M>\x00\xc8\xc8".repeat(3);
+    for first in 0..=stream.len() {
+        let mut decoder = Decoder::default();
+        let (one, other) = stream.split_at(first);
+        let frames = read(&mut decoder, one).len() + read(&mut decoder, other).len();
+        assert_eq!((frames, decoder.counts().noise_bytes), (3, 0), "{first}");
+    }
+}
+
 /// The thread that reads may be held up between the two halves of a frame.
 #[test]
 fn a_frame_that_was_read_late_is_whole() {

@@ -279,6 +279,8 @@ impl Plan {
                 Some(follow) if leads => follow.master.clone(),
                 _ => self.vehicle.clone(),
             },
+            // No plan has a map yet.
+            indoor: None,
             link: self.link(self.vehicle_kind, Stage::Sim, self.receiver),
         }
     }

@@ -134,7 +134,9 @@ impl Flat {
             ));
         }
         let cells = (cell_m / CELL_M).round() as usize;
-        let map = Map::from_text(&widened(raw.plan.get_ref(), cells), CELL_M)
+        // The drawn plan first, for the places in its errors.
+        let map = Map::from_text(raw.plan.get_ref(), cell_m)
+            .and_then(|_| Map::from_text(&widened(raw.plan.get_ref(), cells), CELL_M))
             .map_err(|error| file.error_with(raw.plan.span(), &error.message, &error.accepted))?;
         let is_free =
             |point: MapXy| map.distance_m(point) > 0.0 && map.distance_m(point).is_finite();

@@ -214,6 +214,11 @@ impl World {
         }
     }
 
+    /// Stops the drone, as a flight controller does that gets no RC.
+    pub fn hover(&mut self) {
+        self.robot.wanted = Velocity::default();
+    }
+
     /// Sets the drone's next deadline.
     pub const fn set_deadline(&mut self, deadline: Option<Timestamp>) {
         self.deadline = deadline;

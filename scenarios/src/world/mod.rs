@@ -342,6 +342,7 @@ impl World {
                 recorder.routing(now, drone, event);
             }
             Observation::Radio(event) => self.scene.core.recorder(drone).radio(event),
+            Observation::Navigation(_) => {}
         }
     }
 

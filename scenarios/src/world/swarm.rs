@@ -103,7 +103,7 @@ impl Swarm {
                 }
                 routing::Event::Checkpoint(_) => {}
             },
-            Observation::Radio(_) => {}
+            Observation::Radio(_) | Observation::Navigation(_) => {}
         }
         seen
     }

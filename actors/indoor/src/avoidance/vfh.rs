@@ -95,12 +95,16 @@ fn aim((first, length): (usize, usize), goal: usize) -> f64 {
     first + into
 }
 
+/// The sectors that smoothed densities block.
+fn blocked(densities: &[f64; SECTORS]) -> SectorSet {
+    let dense = |sector: &usize| densities[*sector] >= THRESHOLD * GAIN;
+    (0..SECTORS).filter(dense).collect()
+}
+
 impl Avoider for Vfh {
     fn steer(&mut self, situation: &Situation<'_>) -> Option<Steering> {
         let densities = self.densities(situation);
-        let blocked = (0..SECTORS).filter(|sector| densities[*sector] >= THRESHOLD * GAIN);
-        let blocked: SectorSet = blocked.chain([]).collect();
-        let blocked = blocked.union(situation.blind);
+        let blocked = blocked(&densities).union(situation.blind);
         let goal = sector_of(situation.goal_rad);
         let nearest = blocked.openings().into_iter().min_by(|a, b| {
             let away = |(first, length): (usize, usize)| {
@@ -131,8 +135,9 @@ mod tests {
 
     #[test]
     fn the_threshold_knows_the_gain_of_the_smoothing() {
-        let level = smoothed(&[1.0; SECTORS]);
-        assert!(level.iter().all(|it| (it - GAIN).abs() < 1e-12));
+        let level = |density: f64| blocked(&smoothed(&[density; SECTORS]));
+        assert_eq!(level(0.99 * THRESHOLD), SectorSet::NONE);
+        assert_eq!(level(1.01 * THRESHOLD), SectorSet::ALL);
         assert!((GAIN - 36.0 / 11.0).abs() < 1e-12);
     }
 

@@ -13,7 +13,8 @@ mod tests;
 use std::f64::consts::TAU;
 
 pub use self::places::{Places, PlanError};
-pub use self::targets::{Seen, Targets};
+pub use self::targets::Targets;
+pub use muster_machines::indoor::Seen;
 
 use self::order::Distances;
 use crate::frames::MapXy;

@@ -60,6 +60,9 @@ pub struct Config {
     /// The share of readings that fit the map at a true pose is at least this; with less, the drone is lost. In the Málaga data
     /// 99 % of scans have 0.82 and more at the true pose, and wrong poses that look like it have up to 0.8.
     pub fit_found: f64,
+    /// Once lost, the drone is lost until the share is at least this. In the Málaga data 97 % of wrong poses that hold half of
+    /// the weight are below, and 91 % of true ones above.
+    pub fit_regained: f64,
     /// Rate at which the long average of the fit follows.
     pub recovery_alpha_slow: f64,
     /// Rate at which the short average of the fit follows. AMCL's default is 0.1, for ten scans a second.
@@ -102,6 +105,7 @@ impl Default for Config {
             z_max: 0.1,
             cone_z_rand: 0.1,
             fit_found: 0.8,
+            fit_regained: 0.88,
             recovery_alpha_slow: 0.01,
             recovery_alpha_fast: 0.5,
         }

@@ -74,6 +74,7 @@ pub struct Filter {
     histogram: Histogram,
     recovery: Recovery,
     is_searching: bool,
+    is_lost: bool,
     noise: Noise,
 }
 
@@ -91,6 +92,7 @@ impl Filter {
             histogram: Histogram::new(tables.resolution_m),
             recovery: Recovery::default(),
             is_searching: true,
+            is_lost: true,
             noise: Noise::new(ChaCha8Rng::seed_from_u64(seed)),
             tables,
         };
@@ -128,6 +130,12 @@ impl Filter {
             self.recovery.observe(fit, observation.len(), &self.config);
         }
         self.is_searching = cluster.share < SHARE_FOUND;
+        let fit_min = if self.is_lost {
+            self.config.fit_regained
+        } else {
+            self.config.fit_found
+        };
+        self.is_lost = self.is_searching || self.recovery.fit() < fit_min;
         self.draw();
         self.estimate(&cluster, count)
     }
@@ -163,13 +171,12 @@ impl Filter {
     }
 
     fn estimate(&self, cluster: &Cluster, particles: usize) -> Estimate {
-        let fit = self.recovery.fit();
         Estimate {
             pose: self.tables.pose(cluster.x, cluster.y, cluster.heading_rad),
             covariance: self.tables.covariance(cluster.covariance),
-            is_lost: cluster.share < SHARE_FOUND || fit < self.config.fit_found,
+            is_lost: self.is_lost,
             share: cluster.share,
-            fit,
+            fit: self.recovery.fit(),
             particles,
         }
     }

@@ -39,6 +39,7 @@ impl Filter {
     pub fn start_at(&mut self, pose: MapPose, covariance: Matrix3<f64>) {
         self.forget();
         self.is_searching = false;
+        self.is_lost = false;
         // Covariances of few particles may be flat in a direction.
         let floor = Matrix3::from_diagonal(&Vector3::new(1e-6, 1e-6, 1e-6));
         let deviation = Cholesky::new(covariance + floor).map_or_else(
@@ -80,5 +81,6 @@ impl Filter {
         self.particles.clear();
         self.recovery = Recovery::default();
         self.is_searching = true;
+        self.is_lost = true;
     }
 }

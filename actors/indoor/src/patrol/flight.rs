@@ -2,11 +2,11 @@
 
 use std::f64::consts::TAU;
 
+use muster_machines::indoor::Velocity;
 use muster_machines::time::Timestamp;
 
 use super::config::{Config, PERIOD};
 use super::guard::guarded;
-use super::message::Velocity;
 use super::place::Place;
 use super::route::Order;
 use super::sonars::{Sonars, expected_m};

@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
+use muster_machines::indoor::Velocity;
+
 use crate::frames::wrapped_rad;
 use crate::reading::{Echo, Mounting};
-
-use super::message::Velocity;
 
 /// Distance from the drone's centre that it stops before an echo, in metres.
 const STOP_M: f64 = 0.2;

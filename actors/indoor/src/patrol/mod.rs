@@ -7,7 +7,6 @@
 mod config;
 mod flight;
 mod guard;
-mod message;
 mod place;
 mod route;
 mod sonars;
@@ -15,12 +14,14 @@ mod sonars;
 mod tests;
 
 use std::collections::VecDeque;
+use std::sync::Arc;
 
+use muster_machines::indoor::{Builder, Indoor};
 use muster_machines::machine::{Machine, Output};
 use muster_machines::time::Timestamp;
 
 pub use self::config::{Config, PERIOD, THESIS_SONARS, thesis_sonars};
-pub use self::message::{
+pub use muster_machines::indoor::{
     Checkpoint, Event, Fault, Input, Remaining, SonarChange, Transmit, Velocity,
 };
 
@@ -49,13 +50,14 @@ pub struct Patrol {
 }
 
 impl Patrol {
-    /// A patrol that begins at `now`, or goes on from a checkpoint.
+    /// A patrol that begins at `now`, or goes on from a checkpoint. One of another map is ignored.
     #[must_use]
     pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<&Checkpoint>) -> Self {
         let targets = config.places.targets().len();
+        let checkpoint = checkpoint.filter(|it| it.seen.is_of(targets));
         let seen = checkpoint.map_or_else(|| Seen::none(targets), |it| it.seen.clone());
         Self {
-            place: Place::new(&config, seed, checkpoint),
+            place: Place::new(&config, seed, now, checkpoint),
             sonars: Sonars::new(&config),
             flight: Flight::new(&config),
             route: Route::new(&config),
@@ -65,6 +67,14 @@ impl Patrol {
             outbox: VecDeque::new(),
             config,
         }
+    }
+
+    /// Builds patrols of one configuration, for a navigation to host.
+    #[must_use]
+    pub fn builder(config: Config) -> Arc<Builder> {
+        Arc::new(move |seed, now, checkpoint| -> Box<dyn Indoor> {
+            Box::new(Self::new(config.clone(), seed, now, checkpoint))
+        })
     }
 
     fn event(&mut self, event: Event) {
@@ -107,10 +117,10 @@ impl Patrol {
             .velocity(now, &self.config, &self.place, &self.sonars, &order);
         self.outbox
             .push_back(Output::Transmit(Transmit::Velocity(velocity)));
-        self.report(order == Order::Done);
+        self.report(now, order == Order::Done);
     }
 
-    fn report(&mut self, is_done: bool) {
+    fn report(&mut self, now: Timestamp, is_done: bool) {
         let visible = self.config.places.visible();
         self.event(Event::Remaining(Remaining {
             unseen: self.seen.missing(visible),
@@ -118,8 +128,9 @@ impl Patrol {
             is_done,
         }));
         let checkpoint = Checkpoint {
+            at: now,
             pose: self.place.pose(),
-            covariance: self.place.covariance(),
+            covariance: self.place.covariance().into(),
             is_lost: self.place.is_lost(),
             seen: self.seen.clone(),
         };

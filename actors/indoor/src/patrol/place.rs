@@ -3,11 +3,12 @@
 use std::sync::Arc;
 use std::time::Duration;
 
+use muster_machines::indoor::Checkpoint;
 use muster_machines::time::Timestamp;
 use nalgebra::{Matrix3, Vector3};
 
 use super::config::Config;
-use super::message::Checkpoint;
+use crate::avoidance::Limits;
 use crate::filter::{self, Filter, Moved};
 use crate::frames::{MapPose, Motion, OdometryPose};
 use crate::reading::Reading;
@@ -30,11 +31,30 @@ pub(super) fn filter_config() -> filter::Config {
         alpha4: 0.005,
         // People stand before sonars.
         fit_found: 0.4,
+        fit_regained: 0.4,
         // No particles from elsewhere: one that fits five sonars by chance is taken for the drone. It starts at a known pose.
         recovery_alpha_slow: 0.05,
         recovery_alpha_fast: 0.05,
         ..filter::Config::default()
     }
+}
+
+/// The covariance of independent x, y and heading, from their standard deviations.
+fn diagonal(deviations: Vector3<f64>) -> Matrix3<f64> {
+    Matrix3::from_diagonal(&deviations.component_mul(&deviations))
+}
+
+/// A checkpoint's pose, and its covariance with what the drone may have moved and turned since.
+fn since(now: Timestamp, config: &Config, checkpoint: &Checkpoint) -> (MapPose, Matrix3<f64>) {
+    let Limits {
+        speed_max_mps,
+        turn_rate_max_rps,
+        ..
+    } = config.limits;
+    let age_s = now.since(checkpoint.at).as_secs_f64();
+    let moved = Vector3::new(speed_max_mps, speed_max_mps, turn_rate_max_rps) * age_s;
+    let covariance = Matrix3::from(checkpoint.covariance) + diagonal(moved);
+    (checkpoint.pose, covariance)
 }
 
 /// The drone's pose.
@@ -51,11 +71,15 @@ pub(super) struct Place {
 }
 
 impl Place {
-    pub(super) fn new(config: &Config, seed: u64, checkpoint: Option<&Checkpoint>) -> Self {
-        let start = Matrix3::from_diagonal(&START.component_mul(&START));
+    pub(super) fn new(
+        config: &Config,
+        seed: u64,
+        now: Timestamp,
+        checkpoint: Option<&Checkpoint>,
+    ) -> Self {
         let (pose, covariance) = match checkpoint {
-            Some(checkpoint) => (checkpoint.pose, checkpoint.covariance),
-            None => (config.start, start),
+            Some(checkpoint) => since(now, config, checkpoint),
+            None => (config.start, diagonal(START)),
         };
         let mut filter = Filter::new(Arc::clone(&config.tables), filter_config(), seed);
         filter.start_at(pose, covariance);

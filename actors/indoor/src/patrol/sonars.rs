@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
+use muster_machines::indoor::{Fault, SonarChange};
 use muster_machines::time::Timestamp;
 
 use super::config::Config;
 use super::guard::Watch;
-use super::message::{Fault, SonarChange};
 use crate::frames::{MapPose, wrapped_rad};
 use crate::map::Map;
 use crate::reading::{Echo, Mounting, Reading};

@@ -1,6 +1,9 @@
+use serde::{Deserialize, Serialize};
+
 use super::{Checkpoint, Failure, Goal};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::NodeId;
+use crate::indoor;
 use crate::msp::{FlightCommand, LandingCause, Telemetry};
 use crate::traffic::Intent;
 
@@ -20,6 +23,8 @@ pub enum Input {
         /// Its intent; `None` if it no longer announces one.
         intent: Option<Intent>,
     },
+    /// From the drone's range sensors and odometry; ignored without a map.
+    Indoor(indoor::Input),
     /// From the link after a restart: repeat the command.
     Resync,
     /// From the radio after a restart: repeat the intent.
@@ -73,8 +78,12 @@ pub enum Notice {
 }
 
 /// Event of a navigation.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
     /// Checkpoint for a restart.
     Checkpoint(Box<Checkpoint>),
+    /// From the indoor machine.
+    Indoor(indoor::Event),
+    /// The velocity that the indoor machine takes for safe until the next one. No link flies it.
+    Velocity(indoor::Velocity),
 }

@@ -1,10 +1,12 @@
-//! Navigation: flies the goals of the mission by straight legs, deconflicts with traffic, and reports failures.
+//! Navigation: flies the goals of the mission by straight legs, deconflicts with traffic, and reports failures. Of a drone
+//! with a map it hosts the indoor machine.
 
 mod config;
 mod deconfliction;
 mod fence;
 mod goal;
 mod health;
+mod host;
 mod message;
 
 use std::collections::VecDeque;
@@ -19,10 +21,12 @@ pub use self::message::{Event, Input, Notice, Transmit};
 use self::deconfliction::Deconfliction;
 use self::goal::ARRIVAL_RADIUS_M;
 use self::health::HealthMonitor;
+use self::host::Host;
 use crate::formation::Path;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::NodeId;
-use crate::machine::{Machine, Outbox, Output};
+use crate::indoor::Indoor;
+use crate::machine::{Machine, Outbox, Output, Stimulus};
 use crate::msp::{FlightCommand, Setpoint, Telemetry};
 use crate::time::Timestamp;
 use crate::traffic::Intent;
@@ -44,6 +48,8 @@ pub struct Navigation {
     health: HealthMonitor,
     /// `None` if traffic is ignored.
     deconfliction: Option<Deconfliction>,
+    /// `None` without a map.
+    indoor: Option<Host>,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -59,6 +65,7 @@ impl Navigation {
             hold_commanded_m: None,
             track_expires_at: None,
             health: HealthMonitor::default(),
+            indoor: None,
             outbox: Outbox::new(),
         };
         match checkpoint {
@@ -72,6 +79,13 @@ impl Navigation {
             None => navigation.set_progress(Progress::Planning),
         }
         navigation
+    }
+
+    /// The same, hosting an indoor machine if there is one.
+    #[must_use]
+    pub fn with_indoor(mut self, machine: Option<Box<dyn Indoor>>) -> Self {
+        self.indoor = machine.map(Host::new);
+        self
     }
 
     fn inform(&mut self, notice: Notice) {
@@ -467,6 +481,11 @@ impl Machine for Navigation {
             }
             Input::Telemetry(telemetry) => self.handle_telemetry(now, &telemetry),
             Input::Traffic { sender, intent } => self.handle_traffic(now, sender, intent),
+            Input::Indoor(input) => {
+                if let Some(indoor) = &mut self.indoor {
+                    indoor.step(now, Stimulus::Input(input), &mut self.outbox);
+                }
+            }
             Input::Resync => self.command(FlightCommand::Report),
             Input::ResendIntent => {
                 if let Some(deconfliction) = &self.deconfliction {
@@ -477,6 +496,9 @@ impl Machine for Navigation {
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
+        if let Some(indoor) = &mut self.indoor {
+            indoor.step(now, Stimulus::Timeout, &mut self.outbox);
+        }
         let track_expired = self.track_expires_at.take_if(|at| *at <= now).is_some();
         if track_expired {
             self.set_progress(Progress::Planning);
@@ -503,6 +525,7 @@ impl Machine for Navigation {
             self.health.next_check(),
             deconfliction,
             self.track_expires_at,
+            self.indoor.as_ref().and_then(Host::deadline),
         ];
         self.outbox.poll(deadlines.into_iter().flatten().min())
     }

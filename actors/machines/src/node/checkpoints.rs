@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::identity::Ballot;
-use crate::{agent, mission, msp, navigation, radio, routing};
+use crate::{agent, indoor, mission, msp, navigation, radio, routing};
 
 /// State from which one of the machines is rebuilt.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -20,6 +20,8 @@ pub enum Checkpoint {
     Msp(msp::Checkpoint),
     /// Of the agent in the mission's actor.
     Agent(Box<agent::Checkpoint>),
+    /// Of the indoor machine in the navigation's actor.
+    Indoor(Box<indoor::Checkpoint>),
 }
 
 /// The newest checkpoint of each machine of a drone, the revocation list in force, and the incarnation of its process.
@@ -33,6 +35,7 @@ pub struct Checkpoints {
     pub(super) navigation: Option<Box<navigation::Checkpoint>>,
     pub(super) msp: Option<msp::Checkpoint>,
     pub(super) agent: Option<Box<agent::Checkpoint>>,
+    pub(super) indoor: Option<Box<indoor::Checkpoint>>,
 }
 
 impl Default for Checkpoints {
@@ -47,6 +50,7 @@ impl Default for Checkpoints {
             navigation: None,
             msp: None,
             agent: None,
+            indoor: None,
         }
     }
 }
@@ -88,6 +92,11 @@ impl Checkpoints {
                     it.as_ref().and_then(|it| it.kept.clone())
                 };
                 kept(&before) != kept(&self.agent)
+            }
+            Checkpoint::Indoor(checkpoint) => {
+                // The next one comes within a period.
+                self.indoor = Some(checkpoint);
+                false
             }
         }
     }
@@ -133,12 +142,14 @@ impl Checkpoints {
         let navigation = self.navigation.clone().map(Checkpoint::Navigation);
         let msp = self.msp.map(Checkpoint::Msp);
         let agent = self.agent.clone().map(Checkpoint::Agent);
+        let indoor = self.indoor.clone().map(Checkpoint::Indoor);
         radio
             .chain(routing)
             .chain(mission)
             .chain(navigation)
             .chain(msp)
             .chain(agent)
+            .chain(indoor)
     }
 
     /// Begins incarnation `boot`, from 1. From the second on, the drone does not arm any more.
@@ -163,6 +174,7 @@ impl Checkpoints {
             Checkpoint::Navigation(checkpoint) => self.navigation.as_ref() == Some(checkpoint),
             Checkpoint::Msp(checkpoint) => self.msp == Some(*checkpoint),
             Checkpoint::Agent(checkpoint) => self.agent.as_ref() == Some(checkpoint),
+            Checkpoint::Indoor(checkpoint) => self.indoor.as_ref() == Some(checkpoint),
         }
     }
 }

@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Address, Checkpoint, Envelope};
 use crate::identity::NodeId;
-use crate::{mission, msp, navigation, radio, routing};
+use crate::{indoor, mission, msp, navigation, radio, routing};
 
 /// An effect of a step, carried out by the driver.
 #[derive(Debug, Clone, PartialEq)]
@@ -53,6 +53,8 @@ pub enum Observation {
     Routing(routing::Event),
     /// From the mission.
     Mission(mission::Event),
+    /// From the navigation.
+    Navigation(navigation::Event),
 }
 
 /// Effects that land a drone with an actor that keeps failing, given which actors still run.
@@ -244,8 +246,15 @@ impl From<mission::Event> for Effect {
 
 impl From<navigation::Event> for Effect {
     fn from(event: navigation::Event) -> Self {
-        let navigation::Event::Checkpoint(checkpoint) = event;
-        Self::StoreCheckpoint(Checkpoint::Navigation(checkpoint))
+        match event {
+            navigation::Event::Checkpoint(checkpoint) => {
+                Self::StoreCheckpoint(Checkpoint::Navigation(checkpoint))
+            }
+            navigation::Event::Indoor(indoor::Event::Checkpoint(checkpoint)) => {
+                Self::StoreCheckpoint(Checkpoint::Indoor(checkpoint))
+            }
+            event => Self::Observe(Observation::Navigation(event)),
+        }
     }
 }
 

@@ -9,7 +9,7 @@ use crate::machine::{Emitted, Machine, Stimulus, step};
 use crate::mission::Protocol;
 use crate::radio::{Authenticator, Radio};
 use crate::time::Timestamp;
-use crate::{agent, mission, msp, navigation, radio, routing};
+use crate::{agent, indoor, mission, msp, navigation, radio, routing};
 
 /// Configuration from which a drone's machines are built.
 #[derive(Clone)]
@@ -28,6 +28,8 @@ pub struct Blueprint {
     pub agent: Option<agent::Config>,
     /// Configuration of the navigation.
     pub navigation: navigation::Config,
+    /// Builds the navigation's indoor machine. `None` without a map.
+    pub indoor: Option<Arc<indoor::Builder>>,
     /// Builds the link to the flight controller.
     pub link: Arc<LinkBuilder>,
 }
@@ -72,11 +74,16 @@ impl Blueprint {
                 checkpoints.routing.as_deref().cloned(),
             ))),
             Address::Mission => NodeMachine::Mission(self.protocol(seed, checkpoints)),
-            Address::Navigation => NodeMachine::Navigation(Box::new(navigation::Navigation::new(
-                self.id,
-                self.navigation.clone(),
-                checkpoints.navigation.as_deref().cloned(),
-            ))),
+            Address::Navigation => {
+                let indoor = self.indoor.as_ref();
+                let indoor = indoor.map(|build| build(seed, now, checkpoints.indoor.as_deref()));
+                let navigation = navigation::Navigation::new(
+                    self.id,
+                    self.navigation.clone(),
+                    checkpoints.navigation.as_deref().cloned(),
+                );
+                NodeMachine::Navigation(Box::new(navigation.with_indoor(indoor)))
+            }
             Address::Msp => NodeMachine::Msp((self.link)(checkpoints.msp, now)),
         }
     }

@@ -245,6 +245,16 @@ fn drop_reasons_of_other_swarm_own_echo_forgery_and_stranger_differ() {
     );
 }
 
+/// A defect of the indoor thesis's code: who reached its TCP port flew the drone.
+#[test]
+fn frames_without_a_signature_command_nothing() {
+    let mut receiver = radio(1);
+    let forged = unsigned(&sent_by(&mut radio(0), b"land"));
+    let (transmits, events) = handle(&mut receiver, 0, received(&forged, Some(source(1, 7))));
+    assert_eq!(transmits, []);
+    assert_eq!(events, [Event::Dropped(DropReason::Forged)]);
+}
+
 #[test]
 fn connection_admits_frames_of_its_peer_only_and_without_signature_check() {
     let mut receiver = radio(1);

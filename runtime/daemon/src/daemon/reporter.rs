@@ -116,6 +116,7 @@ fn describe(seen: &Observation) -> String {
         Observation::Mission(event) => format!("{event:?}"),
         Observation::Routing(event) => format!("{event:?}"),
         Observation::Radio(event) => format!("{event:?}"),
+        Observation::Navigation(event) => format!("{event:?}"),
     }
 }
 

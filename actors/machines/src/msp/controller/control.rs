@@ -270,6 +270,35 @@ mod tests {
         assert!(low.throttle > high.throttle);
     }
 
+    /// A defect of the indoor thesis's code: the "derivative" gain acted on the previous error.
+    #[test]
+    fn damping_acts_on_the_motion_and_not_on_a_previous_error() {
+        let south = estimate(-0.5, 0.0, 0.0);
+        let moving = |north_mps: f64| Estimate {
+            velocity: Velocity::new(north_mps, 0.0, 0.0),
+            ..south
+        };
+        let pitch = |estimate: &Estimate| sticks(estimate, 0.0, Lean::Free).pitch;
+        assert!(pitch(&moving(1.0)) < pitch(&moving(0.0)));
+        assert!(pitch(&moving(0.0)) < pitch(&moving(-1.0)));
+        // Where it was before doesn't matter.
+        let after = |before: &Estimate| {
+            let gains = Gains {
+                integral_per_s2: 0.0,
+                climb_integral_per_s2: 0.0,
+                ..Gains::QUADCOPTER
+            };
+            let mut control = Control::new(gains);
+            let mut step = |estimate| {
+                let tilt = Tilt::default();
+                control.step(0.02, &reference(), estimate, tilt, Lean::Free)
+            };
+            step(before);
+            step(&south)
+        };
+        assert_eq!(after(&south), after(&estimate(3.0, 1.0, 1.0)));
+    }
+
     #[test]
     fn without_a_position_it_leans_against_the_wind_that_it_knows() {
         let mut control = Control::new(Gains::QUADCOPTER);

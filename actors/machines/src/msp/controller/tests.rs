@@ -369,6 +369,24 @@ fn closed_port_stops_rc_and_an_open_one_begins_with_a_question() {
     assert!(!bench.is_arm_high(), "its failsafe has disarmed");
 }
 
+/// A defect of the indoor thesis's code: a client that disconnected dropped all channels, which disarmed in mid-air.
+#[test]
+fn a_connection_that_ends_in_flight_drops_no_channel() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.give(Input::Port(PortEvent::Closed));
+    for _ in 0..50 {
+        // Without RC the controller's own failsafe acts.
+        assert_eq!(bench.rc, None);
+        bench.now_ms += 10;
+        bench.link.handle_timeout(at(bench.now_ms));
+        bench.drain();
+    }
+    bench.give(Input::Port(identity(*b"SITL")));
+    assert_eq!(bench.rc, None, "it asks first whether it is armed");
+    bench.give(Input::Port(status(ARM)));
+    assert!(bench.is_arm_high() && bench.throttle() > 1_200);
+}
+
 #[test]
 fn pilot_who_takes_over_is_not_fought() {
     let mut bench = Bench::flying(Receiver::Override, ARM | OVERRIDE);

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use crate::frames::BodyXy;
+use super::frames::BodyXy;
 
 /// What came back.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -7,6 +7,8 @@ use std::f64::consts::{PI, TAU};
 use std::fmt;
 use std::marker::PhantomData;
 
+use serde::{Deserialize, Serialize};
+
 /// The map's frame, as its file gives it: x right and y up as the map is drawn.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum MapFrame {}
@@ -31,15 +33,20 @@ pub type MapPose = Pose<MapFrame>;
 pub type OdometryPose = Pose<OdometryFrame>;
 
 /// A point of the plane, metres.
+#[derive(Serialize, Deserialize)]
+#[serde(bound = "")]
 pub struct Point<F> {
     /// Metres along the frame's x axis.
     pub x_m: f64,
     /// Metres along the frame's y axis.
     pub y_m: f64,
+    #[serde(skip)]
     frame: PhantomData<F>,
 }
 
 /// A place and a heading.
+#[derive(Serialize, Deserialize)]
+#[serde(bound = "")]
 pub struct Pose<F> {
     /// The place.
     pub at: Point<F>,

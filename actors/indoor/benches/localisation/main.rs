@@ -1,10 +1,14 @@
-//! Cost of a step of the particle filter: `cargo bench --bench localisation`. Beside it the same step in numpy, if Python has
+//! Cost of a step of the particle filter: `cargo bench -p muster-indoor --bench localisation`. Beside it the same step in numpy, if Python has
 //! it.
 //!
 //! A step moves, weighs and draws all particles. The number of particles is fixed. The map is as large as a floor of a
 //! university: 75 m × 31 m at 6 cm, with rooms of 5 m × 4 m.
 
-#![expect(clippy::print_stdout, reason = "this is a program that prints a table")]
+#![expect(
+    clippy::print_stdout,
+    clippy::disallowed_methods,
+    reason = "this is a program that measures times and prints a table"
+)]
 
 use std::error::Error;
 use std::f64::consts::PI;

@@ -1,10 +1,11 @@
-use nalgebra::Matrix3;
+use serde::{Deserialize, Serialize};
 
-use crate::coverage::Seen;
-use crate::frames::{MapPose, MapXy, Motion};
-use crate::reading::Reading;
+use super::Seen;
+use super::frames::{MapPose, MapXy, Motion};
+use super::reading::Reading;
+use crate::time::Timestamp;
 
-/// Input of a patrol.
+/// Input of an indoor machine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Input {
     /// How the drone moved since the last such input.
@@ -13,7 +14,7 @@ pub enum Input {
     Range(Reading),
 }
 
-/// Output of a patrol.
+/// Output of an indoor machine.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Transmit {
     /// The velocity to fly until the next one comes.
@@ -21,7 +22,7 @@ pub enum Transmit {
 }
 
 /// A velocity in the body frame.
-#[derive(Debug, Clone, Copy, PartialEq, Default)]
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 pub struct Velocity {
     /// Forward, in m/s.
     pub forward_mps: f64,
@@ -39,10 +40,10 @@ impl Velocity {
     }
 }
 
-/// Event of a patrol.
-#[derive(Debug, Clone, PartialEq)]
+/// Event of an indoor machine.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub enum Event {
-    /// Where the drone is, and from where a restarted patrol goes on.
+    /// Where the drone is, and from where a restarted machine goes on.
     Checkpoint(Box<Checkpoint>),
     /// What remains to be seen.
     Remaining(Remaining),
@@ -52,13 +53,15 @@ pub enum Event {
     GivenUp(MapXy),
 }
 
-/// From where a restarted patrol goes on. It has no particles: they are drawn again around the pose.
-#[derive(Debug, Clone, PartialEq)]
+/// From where a restarted machine goes on. It has no particles: they are drawn again around the pose.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Checkpoint {
+    /// When the drone was there.
+    pub at: Timestamp,
     /// Pose on the map.
     pub pose: MapPose,
-    /// Covariance of x, y (m²) and heading (rad²).
-    pub covariance: Matrix3<f64>,
+    /// Covariance of x, y and heading, row by row: m², m rad and rad².
+    pub covariance: [[f64; 3]; 3],
     /// Whether the pose is not to be believed.
     pub is_lost: bool,
     /// What was seen.
@@ -66,7 +69,7 @@ pub struct Checkpoint {
 }
 
 /// What remains to be seen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Remaining {
     /// Targets that can be seen and were not.
     pub unseen: usize,
@@ -77,7 +80,7 @@ pub struct Remaining {
 }
 
 /// What is wrong with a sonar.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub enum Fault {
     /// It doesn't answer.
     Dead,
@@ -88,7 +91,7 @@ pub enum Fault {
 }
 
 /// A sonar began to fail, or works again.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SonarChange {
     /// Its place among the configured.
     pub sonar: usize,
