@@ -350,20 +350,23 @@ def secrets(bench):
 def audit(bench):
     """A stock host has findings; `--fix` leaves none, and locks nobody out."""
     bench.write_fleet(suffix="-user")
-    fleet = str(bench.folder / "fleet.toml")
+    words = [bench.muster, "deploy", "audit", str(bench.folder / "fleet.toml"), "--json", "--updates"]
+    # Debian's package switches updates on; a card's maker may have them off.
+    for host in bench.hosts:
+        (host.root / "etc/apt/apt.conf.d/20auto-upgrades").write_text('APT::Periodic::Unattended-Upgrade "0";\n')
 
     def findings(*more):
-        done = bench.lab.on_operator(bench.muster, "deploy", "audit", fleet, "--json", *more, check=False)
+        done = bench.lab.on_operator(*words, *more, check=False)
         hosts = json.loads(done.stdout)["hosts"]
         return {it["name"]: it.get("error") or {found["rule"] for found in it["findings"]} for it in hosts}
 
     before = findings()
-    stock = {"ssh-keys-only", "ssh-no-root", "ssh-banner", "ssh-log", "no-passwords", "firewall"}
+    stock = {"ssh-keys-only", "ssh-no-root", "ssh-banner", "ssh-log", "no-passwords", "firewall", "security-updates"}
     assert all(it == stock for it in before.values()), before
     # One host is off the network as soon as its settings are changed.
     lost = bench.hosts[4]
     settings = lambda host: host.root / "etc/ssh/sshd_config.d/00-muster.conf"
-    fixing = bench.lab.start_on_operator(bench.muster, "deploy", "audit", fleet, "--json", "--fix")
+    fixing = bench.lab.start_on_operator(*words, "--fix")
     wait_until("settings of the lost host", lambda: settings(lost).exists())
     lost.unplug()
     output, _ = fixing.communicate(timeout=180)
