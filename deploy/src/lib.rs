@@ -6,6 +6,7 @@ mod drone_file;
 pub mod firmware;
 pub mod hosts;
 mod pose;
+pub mod promotion;
 pub mod release;
 mod remote;
 pub mod rollout;

@@ -1,6 +1,7 @@
 mod audit;
 mod logs;
 mod package;
+mod promote;
 mod rollout;
 mod status;
 
@@ -35,6 +36,7 @@ enum Action {
     Rollback(rollout::RollbackArguments),
     Logs(logs::Arguments),
     Audit(audit::Arguments),
+    Promote(promote::Arguments),
 }
 
 /// A fleet and a release for it.
@@ -111,5 +113,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         Action::Rollback(arguments) => rollout::roll_back(arguments),
         Action::Logs(arguments) => logs::run(arguments),
         Action::Audit(arguments) => audit::run(arguments),
+        Action::Promote(arguments) => promote::run(arguments),
     }
 }

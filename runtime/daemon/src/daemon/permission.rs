@@ -96,6 +96,7 @@ impl Checker {
 
 const fn stage_of(stage: GrantedStage) -> Stage {
     match stage {
+        GrantedStage::Bench => Stage::Bench,
         GrantedStage::Tethered => Stage::Tethered,
         GrantedStage::Flight => Stage::Flight,
     }
@@ -150,7 +151,7 @@ mod tests {
 
     use muster_machines::identity::NodeId;
     use muster_msp::Configuration;
-    use muster_runtime::identity::Grant;
+    use muster_runtime::identity::{EvidenceKind, Grant};
 
     use super::*;
 
@@ -199,6 +200,10 @@ mod tests {
             controller: ControllerFacts::new(&Configuration::default(), &uid),
             issued: noon(),
             until: noon().after(DAY),
+            evidence: EvidenceKind::ALL
+                .into_iter()
+                .map(|kind| (kind, [3; 32]))
+                .collect(),
         };
         let permission = Permission {
             grant,
