@@ -334,7 +334,7 @@ def start_flight(bench, master, flight):
 def recall(bench):
     """Drones of a flying swarm are called down, a host at a time, the master first; the others elect and fly on."""
     text = (
-        '[formation]\nkind = "linear"\ndrones = 5\nspacing_m = 20\n[mission]\nfile = "hop"\n[radio]\nrange_m = 300\n'
+        'seed = 1\n[formation]\nkind = "linear"\ndrones = 5\nspacing_m = 20\n[mission]\nfile = "hop"\n[radio]\nrange_m = 300\n'
         '[protocol]\npolicy = "tree"\nparameters = "fast"\n[vehicle]\nspeed_mps = 0.2\n[safety]\navoid = true\n'
     )
     (bench.folder / "long.toml").write_text(text)
