@@ -5,6 +5,7 @@ pub mod controller;
 mod drone_file;
 pub mod firmware;
 pub mod hosts;
+pub mod image;
 mod pose;
 pub mod promotion;
 pub mod release;

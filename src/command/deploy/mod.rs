@@ -1,4 +1,5 @@
 mod audit;
+mod image;
 mod logs;
 mod package;
 mod promote;
@@ -9,6 +10,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use muster_deploy::hosts::Fleet;
+use muster_deploy::image::ImageError;
 use muster_deploy::release::{PackageError, Release};
 use muster_deploy::rollout::{Desired, check_roster, desired};
 use muster_runtime::diagnostic::BadInput;
@@ -37,6 +39,7 @@ enum Action {
     Logs(logs::Arguments),
     Audit(audit::Arguments),
     Promote(promote::Arguments),
+    Image(image::Arguments),
 }
 
 /// A fleet and a release for it.
@@ -94,6 +97,15 @@ impl From<DeployFailure> for Failure {
     }
 }
 
+impl From<ImageError> for Failure {
+    fn from(error: ImageError) -> Self {
+        match error {
+            ImageError::Refused(input) => input.into(),
+            ImageError::Write { path, source } => Self::Create { path, source },
+        }
+    }
+}
+
 impl From<PackageError> for Failure {
     fn from(error: PackageError) -> Self {
         match error {
@@ -114,5 +126,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         Action::Logs(arguments) => logs::run(arguments),
         Action::Audit(arguments) => audit::run(arguments),
         Action::Promote(arguments) => promote::run(arguments),
+        Action::Image(arguments) => image::run(arguments),
     }
 }
