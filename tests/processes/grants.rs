@@ -90,7 +90,7 @@ fn grant(fleet: &Fleet, id: u32, stage: &str, receiver: &Receiver) {
         }
         let (code, output) = run_command(&mut command);
         assert_eq!(code, Some(0), "{output}");
-        assert!(output.contains(&format!("stage:    {name}")), "{output}");
+        assert!(output.contains(&format!("stage: {name}")), "{output}");
     }
     let named = format!("[keys]\ngrant = \"ours/drone-{id}.grant\"");
     replace(&fleet.file(id), "[keys]", &named);
