@@ -496,3 +496,45 @@ fn campaign_on_hosts_has_the_bytes_of_one_machine_and_outlives_a_host() {
         error_text(&run)
     );
 }
+
+/// A stand-in for Slurm's `sbatch`: it runs each task at once, and the first one twice, as if its node had been lost. Jobs that
+/// depend on others come after them anyway.
+const SBATCH: &str = r#"#!/bin/sh
+cat > job; echo "$@" >> submitted
+case "$*" in
+    *--array=1-*) last=$(echo "$*" | sed 's/.*--array=1-\([0-9]*\).*/\1/'); tasks="1 $(seq 1 "$last")" ;;
+    *) tasks=1 ;;
+esac
+for task in $tasks; do SLURM_ARRAY_TASK_ID=$task sh job > output 2>&1 || exit 1; done
+echo 17
+"#;
+
+#[test]
+fn slurm_script_runs_each_shard_and_joins_them_to_the_bytes_of_the_undivided_campaign() {
+    let dir = tempfile::tempdir().unwrap();
+    let whole = campaign_files(dir.path(), "one", &[]);
+    let out = "it's a folder";
+    let written = campaign(dir.path(), out, &["--slurm", "3"]);
+    assert!(written.status.success(), "{}", error_text(&written));
+    let sbatch = dir.path().join("bin/sbatch");
+    fs::create_dir(sbatch.parent().unwrap()).unwrap();
+    fs::write(&sbatch, SBATCH).unwrap();
+    fs::set_permissions(&sbatch, fs::Permissions::from_mode(0o755)).unwrap();
+    let path = format!("{}:/usr/bin:/bin", sbatch.parent().unwrap().display());
+    let mut submit = std::process::Command::new(dir.path().join(out).join("submit.sh"));
+    let submitted = submit
+        .arg("--partition=drones")
+        .env("PATH", path)
+        .output()
+        .unwrap();
+    assert!(submitted.status.success(), "{}", error_text(&submitted));
+    assert_same(&whole, &files(&dir.path().join(out).join("whole")));
+    let jobs = fs::read_to_string(dir.path().join("submitted")).unwrap();
+    let jobs: Vec<_> = jobs.lines().collect();
+    assert!(jobs[0].contains("--array=1-3 --requeue"), "{jobs:?}");
+    assert!(jobs[1].contains("--dependency=afterok:17"), "{jobs:?}");
+    assert!(
+        jobs.iter().all(|job| job.contains("--partition=drones")),
+        "{jobs:?}"
+    );
+}

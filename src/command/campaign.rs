@@ -1,3 +1,4 @@
+mod slurm;
 mod spread;
 
 use std::io;
@@ -58,6 +59,11 @@ pub(crate) struct Arguments {
     /// this machine's processor and system.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["shard", "jobs"])]
     hosts: Option<PathBuf>,
+    /// Write a script for Slurm instead of running: an array job of N shards, which are queued again if their node is lost, and
+    /// a job that joins them.
+    #[arg(long, value_name = "N", conflicts_with_all = ["shard", "hosts", "jobs"],
+          value_parser = clap::value_parser!(u32).range(1..=1_000))]
+    slurm: Option<u32>,
     /// Number of parallel runs [default: one per core]
     #[arg(long, value_name = "N", value_parser = jobs)]
     jobs: Option<NonZeroUsize>,
@@ -114,6 +120,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         .unwrap_or_else(|| default_folder(&arguments.scenario, &campaign));
     if let Some(hosts) = &arguments.hosts {
         return spread::run(arguments, &campaign, (hosts, &out));
+    }
+    if let Some(shards) = arguments.slurm {
+        return slurm::run(arguments, &campaign, (shards, &out));
     }
     let jobs = arguments
         .jobs

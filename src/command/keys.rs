@@ -1,5 +1,3 @@
-mod grant;
-
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -8,9 +6,9 @@ use muster_runtime::identity::{Fleet, KeysError};
 
 use super::{Failure, Outcome, terminal};
 
-/// Create the keys of a fleet and its drones, revoke drones, and grant stages.
+/// Create the keys of a fleet and its drones, and revoke drones.
 ///
-/// The fleet's secret key signs the roster (which drone has which key), the revocation list and grants. Keep its folder off
+/// The fleet's secret key signs the roster (which drone has which key), the revocation list, grants and releases. Keep its folder off
 /// the drones. A drone needs fleet.pub, roster.toml, revoked.toml and its own drone-ID.key. Existing keys are never
 /// overwritten.
 #[derive(Debug, Args)]
@@ -34,7 +32,6 @@ enum Action {
     Drone(Drones),
     /// Add drones to the signed revocation list. Drones read it at start and on SIGHUP, and distribute it.
     Revoke(Drones),
-    Grant(grant::Arguments),
 }
 
 #[derive(Debug, Args)]
@@ -46,7 +43,8 @@ struct Drones {
     ids: Vec<u32>,
 }
 
-fn id(text: &str) -> Result<u32, String> {
+/// Reads a drone's number.
+pub(super) fn id(text: &str) -> Result<u32, String> {
     let id = text.parse();
     id.map_err(|_| format!("a drone's number is a whole number from 0 to {}", u32::MAX))
 }
@@ -79,7 +77,6 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
                 ))?;
             }
         }
-        Action::Grant(arguments) => return grant::run(arguments),
         Action::Revoke(drones) => {
             let ids: Vec<_> = drones.ids.iter().copied().map(NodeId).collect();
             let revoked = Fleet::open(&drones.folder)?.revoke(&ids)?;

@@ -1,12 +1,13 @@
 //! Stages above `bench`: what a drone with a pilot's receiver may do with its grant, and without.
 
+use std::path::PathBuf;
 use std::process::Command;
 use std::thread;
 use std::time::Duration;
 
 use muster_controller::Settings;
 use muster_daemon::control::READY;
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::controllers::controlled;
 use super::fleet::{Fleet, assert_refused, replace, run_command};
@@ -27,21 +28,70 @@ fn piloted(stage: &str, settings: impl Fn(u32) -> Settings) -> (Fleet, Vec<Recei
     (fleet, receivers)
 }
 
+/// The stages, lowest first, and what each needs for the first time.
+const STAGES: [(&str, &[&str]); 3] = [
+    ("bench", &["chaos", "simulated", "betaflight"]),
+    ("tethered", &["bench"]),
+    ("flight", &["tether"]),
+];
+
 fn sign(fleet: &Fleet, id: u32, stage: &str, receiver: &Receiver) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_muster"));
     command
-        .args(["keys", "grant"])
+        .args(["deploy", "promote"])
         .arg(fleet.path("ours"))
-        .args([&id.to_string(), "--stage", stage, "--days", "1"])
+        .args([&id.to_string(), "--to", stage, "--days", "1"])
         .args(["--controller", &receiver.address]);
     command
 }
 
-/// Signs a drone's grant with this controller, and names it in the drone's file.
+/// Writes a file of evidence, as the commands that make them do.
+fn write_evidence(fleet: &Fleet, id: u32, kind: &str, receiver: &Receiver) -> PathBuf {
+    let path = fleet.path(&format!("{kind}-{id}"));
+    let flown = |firmware: Option<&str>| {
+        let drones = json!([{"port": {"rc_acknowledged": 900}}]);
+        json!({"firmware": firmware, "drones": drones, "mission_completed": true, "violations": []})
+            .to_string()
+    };
+    let seen = |event: Value| {
+        let seen = json!({"Mission": event}).to_string();
+        json!({"message": "seen", "drone": id, "at_ns": 1, "seen": seen}).to_string()
+    };
+    let text = match kind {
+        "chaos" => json!({"tally": {"plans": 1_000, "broken": []}}).to_string(),
+        "simulated" => flown(None),
+        "betaflight" => flown(Some("betaflight_SITL")),
+        "bench" => {
+            let mut check = Command::new(env!("CARGO_BIN_EXE_muster"));
+            check.args(["fc", "check", &receiver.address, "--json", "--cli"]);
+            let output = check.args(["--receiver", "override"]).output().unwrap();
+            String::from_utf8(output.stdout).unwrap()
+        }
+        _ => [
+            json!({"message": "the grant allows the stage", "stage": "tethered"}).to_string(),
+            seen(json!({"State": "TakingOff"})),
+            seen(json!({"Landing": "MissionOver"})),
+            seen(json!({"State": "Finished"})),
+        ]
+        .join("\n"),
+    };
+    std::fs::write(&path, text).unwrap();
+    path
+}
+
+/// Promotes a drone with this controller from stage to stage, and names its grant in the drone's file.
 fn grant(fleet: &Fleet, id: u32, stage: &str, receiver: &Receiver) {
-    let (code, output) = run_command(&mut sign(fleet, id, stage, receiver));
-    assert_eq!(code, Some(0), "{output}");
-    assert!(output.contains(&format!("stage: {stage}")), "{output}");
+    let top = STAGES.iter().position(|(name, _)| *name == stage).unwrap();
+    for (name, kinds) in &STAGES[..=top] {
+        let mut command = sign(fleet, id, name, receiver);
+        for kind in *kinds {
+            let path = write_evidence(fleet, id, kind, receiver);
+            command.arg(format!("--{kind}")).arg(path);
+        }
+        let (code, output) = run_command(&mut command);
+        assert_eq!(code, Some(0), "{output}");
+        assert!(output.contains(&format!("stage: {name}")), "{output}");
+    }
     let named = format!("[keys]\ngrant = \"ours/drone-{id}.grant\"");
     replace(&fleet.file(id), "[keys]", &named);
 }
@@ -81,8 +131,15 @@ fn no_grant_is_signed_for_a_controller_without_a_pilot_or_a_drone_outside_the_fl
     assert!(!fleet.path("ours/drone-0.grant").exists());
 
     let (_other, receivers) = controlled(&[], |_| Settings::fit_overriding());
-    let expected = "drone 9 is not in the roster";
-    assert_refused(&mut sign(&fleet, 9, "flight", &receivers[0]), expected);
+    let mut skipping = sign(&fleet, 0, "flight", &receivers[0]);
+    let expected = "needs a grant for \"tethered\"";
+    assert_refused(&mut skipping, expected);
+    let mut stranger = sign(&fleet, 9, "bench", &receivers[0]);
+    for kind in STAGES[0].1 {
+        let path = write_evidence(&fleet, 9, kind, &receivers[0]);
+        stranger.arg(format!("--{kind}")).arg(path);
+    }
+    assert_refused(&mut stranger, "drone 9 is not in the roster");
 }
 
 #[test]

@@ -133,7 +133,7 @@ fn debs(
 }
 
 /// The processors that releases are made for, as Rust names them.
-const PROCESSORS: [&str; 2] = ["aarch64", "x86_64"];
+pub(crate) const PROCESSORS: [&str; 2] = ["aarch64", "x86_64"];
 
 /// Reads the programs of all processors that are there.
 fn programs(folder: &Path) -> Result<BTreeMap<String, Vec<u8>>, BadInput> {

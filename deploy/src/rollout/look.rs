@@ -161,11 +161,18 @@ pub fn audit(
     fleet: &Fleet,
     release: Option<&Release>,
     fixes: Option<&str>,
+    asks_for_updates: bool,
 ) -> Vec<(String, Result<Vec<Finding>, SessionError>)> {
     let audited = on_all(fleet, |_, host| {
-        let open = || match release {
-            Some(release) => worker::open(&host.run, release),
-            None => Session::open(&host.run, None),
+        let open = || {
+            let mut session = match release {
+                Some(release) => worker::open(&host.run, release)?,
+                None => Session::open(&host.run, None)?,
+            };
+            if asks_for_updates {
+                session.ask(&SlotOrder::WithUpdates)?;
+            }
+            Ok(session)
         };
         match fixes {
             None => findings(open()?, &SlotOrder::Audit),

@@ -126,12 +126,14 @@ fn remarks(answer: &Answer) -> Vec<(String, String)> {
         Ok(status) => {
             let slow = status.agent.filter(|agent| agent.slow_calls > 0).map(slow);
             let port = status.port.as_ref().map(port);
+            let computer = computer(status);
             status
                 .faults
                 .iter()
                 .cloned()
                 .chain(slow)
                 .chain(port)
+                .chain(computer)
                 .collect()
         }
         Err(error) if number(answer).is_some() => {
@@ -146,6 +148,44 @@ fn remarks(answer: &Answer) -> Vec<(String, String)> {
 fn slow(agent: AgentStatus) -> String {
     let (times, longest_ms) = (agent.slow_calls, agent.longest_call_s * 1e3);
     format!("its agent is slow: {times} calls over 50 ms, the longest {longest_ms:.0} ms")
+}
+
+/// From this temperature on a Raspberry Pi slows down, in degrees Celsius.
+const HOT_C: f64 = 80.0;
+/// From this share of its life on a card is to be replaced.
+const WORN: f64 = 0.9;
+/// Below this a journal may soon not be written, in bytes.
+const SPACE_MIN: u64 = 100_000_000;
+
+/// What is said of a drone's computer. `None` if all is well, as far as it tells.
+fn computer(status: &Status) -> Option<String> {
+    let computer = &status.computer;
+    let mut words = Vec::new();
+    if let Some(hot) = computer.temperature_c.filter(|it| *it >= HOT_C) {
+        words.push(format!("{hot:.0} °C"));
+    }
+    let mut flag = |now, before, name: &str| match (now, before) {
+        (Some(true), _) => words.push(name.replace("was ", "")),
+        (_, Some(true)) => words.push(name.to_owned()),
+        _ => {}
+    };
+    flag(
+        computer.under_voltage,
+        computer.had_under_voltage,
+        "voltage was too low",
+    );
+    flag(
+        computer.throttled,
+        computer.was_throttled,
+        "was slowed down",
+    );
+    if let Some(wear) = computer.card_wear.filter(|it| *it >= WORN) {
+        words.push(format!("{:.0} % of the card's life used", 100.0 * wear));
+    }
+    if let Some(free) = computer.free_bytes.filter(|it| *it < SPACE_MIN) {
+        words.push(format!("{} MB free", free / 1_000_000));
+    }
+    (!words.is_empty()).then(|| format!("its computer: {}", words.join(", ")))
 }
 
 /// What is said of a flight controller's port.

@@ -1,6 +1,7 @@
 //! One flight of a swarm of processes, from start to end.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
@@ -54,6 +55,8 @@ pub(super) async fn fly(
         // Every drone heard every other.
         report.never_met.clear();
     }
+    let firmware = request.firmware.and_then(Path::file_name);
+    report.firmware = firmware.map(|it| it.to_string_lossy().into_owned());
     report.clock_uncertainty_s = uncertainty.map(|it| it.as_secs_f64());
     Ok((report, flight))
 }

@@ -57,6 +57,29 @@ pub struct Status {
     pub journal_unwritten: u64,
     /// Log lines dropped because the log's reader is too slow.
     pub log_lines_lost: u64,
+    /// Health of the computer.
+    #[serde(default)]
+    pub computer: ComputerStatus,
+}
+
+/// Health of the drone's computer, looked at every 5 s. What it does not tell is `None`; a Raspberry Pi tells all but the wear
+/// of most SD cards.
+#[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
+pub struct ComputerStatus {
+    /// Temperature of the processor, in degrees Celsius. A Raspberry Pi slows down from 80 on.
+    pub temperature_c: Option<f64>,
+    /// Whether the supply is below 4.63 V now.
+    pub under_voltage: Option<bool>,
+    /// Whether the processor is slowed down now.
+    pub throttled: Option<bool>,
+    /// Whether the supply was below 4.63 V since the computer started.
+    pub had_under_voltage: Option<bool>,
+    /// Whether the processor was slowed down since the computer started.
+    pub was_throttled: Option<bool>,
+    /// Share of the card's life that is used at most, 0 to 1, in tenths; 1.1 beyond its life.
+    pub card_wear: Option<f64>,
+    /// Free space for the journal, in bytes.
+    pub free_bytes: Option<u64>,
 }
 
 /// State of the mission.

@@ -144,6 +144,17 @@ impl Fleet {
         Ok(self.folder.join(name))
     }
 
+    /// A drone's last grant. `None` if it has none.
+    ///
+    /// # Errors
+    /// If its file can't be used, or another fleet's key signed it.
+    pub fn last_grant(&self, id: NodeId) -> Result<Option<Grant>, BadInput> {
+        let path = self.folder.join(format!("drone-{id}.grant"));
+        path.exists()
+            .then(|| Grant::load(&path, &self.public()))
+            .transpose()
+    }
+
     /// Signs a release's manifest. Returns its text.
     #[must_use]
     pub fn sign_release(&self, manifest: &Manifest) -> String {

@@ -1,5 +1,6 @@
 //! Permission to fly an aircraft above the stage `bench`, signed by the fleet's key.
 
+use std::collections::BTreeMap;
 use std::fmt::{self, Write};
 use std::path::Path;
 use std::time::Duration;
@@ -14,27 +15,29 @@ use thiserror::Error;
 use time::OffsetDateTime;
 use time::format_description::well_known::Rfc3339;
 
-use super::FleetKey;
 use super::key::{bytes, hex, read_public, sign};
 use super::lists::{NEVER_FAILS, append_signature, verify};
+use super::{Evidence, EvidenceKind, FleetKey};
 use crate::diagnostic::{BadInput, FileFormat, TomlFile};
 use crate::schema::{FieldList, Located};
 
 /// Prefix of a signed grant, so that its signature fits no other message.
-const GRANT: &[u8] = b"muster grant 1\0";
+const GRANT: &[u8] = b"muster grant 2\0";
 
 const FORMAT: FileFormat = FileFormat {
     fields: FieldList::EMPTY,
-    description: "a grant has `drone`, `stage`, `chip`, `firmware`, `settings`, `issued`, `until` and `signature`, as `muster keys \
-         grant` writes it",
+    description: "a grant has `drone`, `stage`, `chip`, `firmware`, `settings`, `issued`, `until`, `signature` and \
+         `[evidence]`, as `muster deploy promote` writes it",
 };
 
-/// The stages that need a grant, lowest first.
+/// The stages that are granted, lowest first. `bench` asks for no grant; what was shown for it counts further up.
 #[derive(
     Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "kebab-case")]
 pub enum GrantedStage {
+    /// Telemetry; turns no motor.
+    Bench,
     /// Flies with height, tilt, throttle and radius capped.
     Tethered,
     /// Flies.
@@ -44,6 +47,7 @@ pub enum GrantedStage {
 impl fmt::Display for GrantedStage {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Bench => "bench",
             Self::Tethered => "tethered",
             Self::Flight => "flight",
         })
@@ -128,6 +132,8 @@ pub struct Grant {
     pub issued: CalendarTime,
     /// When it ends.
     pub until: CalendarTime,
+    /// What it was signed for.
+    pub evidence: Evidence,
 }
 
 /// Why a grant does not allow a stage.
@@ -139,6 +145,14 @@ pub enum GrantRefusal {
     /// Its stage is lower.
     #[error("the grant allows the stage \"{0}\" only")]
     LowerStage(GrantedStage),
+    /// It was signed without what a stage needs.
+    #[error("the grant skips what the stage \"{stage}\" needs: no evidence of `{missing}`")]
+    SkipsEvidence {
+        /// The stage.
+        stage: GrantedStage,
+        /// The first kind that is missing.
+        missing: EvidenceKind,
+    },
     /// Its controller is another one.
     #[error("the grant is for the flight controller with the chip {granted}; this one has {found}")]
     OtherController {
@@ -179,6 +193,7 @@ struct Raw {
     issued: Located<String>,
     until: Located<String>,
     signature: Located<String>,
+    evidence: BTreeMap<EvidenceKind, Located<String>>,
 }
 
 impl Grant {
@@ -195,18 +210,23 @@ impl Grant {
                 file.error_with(field.span(), "this is not a time", help)
             })
         };
-        let Some(settings) = bytes::<32>(raw.settings.get_ref()) else {
-            let help = "SHA-256 has 64 hexadecimal digits";
-            return Err(file.error_with(raw.settings.span(), "this is not SHA-256", help));
+        let hash = |field: &Located<String>| {
+            bytes::<32>(field.get_ref()).ok_or_else(|| {
+                let help = "SHA-256 has 64 hexadecimal digits";
+                file.error_with(field.span(), "this is not SHA-256", help)
+            })
         };
+        let evidence = raw.evidence.iter();
+        let evidence = evidence.map(|(kind, field)| Ok((*kind, hash(field)?)));
         let grant = Self {
             drone: NodeId(raw.drone),
             stage: raw.stage,
             controller: ControllerFacts {
                 chip: raw.chip.clone(),
                 firmware: raw.firmware.clone(),
-                settings,
+                settings: hash(&raw.settings)?,
             },
+            evidence: evidence.collect::<Result<_, BadInput>>()?,
             issued: time(&raw.issued)?,
             until: time(&raw.until)?,
         };
@@ -217,12 +237,17 @@ impl Grant {
     /// Checks whether it is for a drone and its stage; with which controller and when is not looked at.
     ///
     /// # Errors
-    /// If it is for another drone, or a lower stage.
+    /// If it is for another drone or a lower stage, or was signed without what the stage needs.
     pub fn is_for(&self, drone: NodeId, stage: GrantedStage) -> Result<(), GrantRefusal> {
         if drone != self.drone {
             Err(GrantRefusal::OtherDrone(self.drone))
         } else if stage > self.stage {
             Err(GrantRefusal::LowerStage(self.stage))
+        } else if let Some(missing) = self.evidence.missing_for(stage).first() {
+            Err(GrantRefusal::SkipsEvidence {
+                stage,
+                missing: *missing,
+            })
         } else {
             Ok(())
         }
@@ -268,7 +293,7 @@ impl Grant {
     /// The grant as a signed TOML file.
     pub(super) fn to_toml(&self, fleet: &SigningKey) -> String {
         let mut text = String::from(
-            "# A grant to fly, signed with the fleet's key. Written by `muster keys grant`.\n",
+            "# A grant to fly, signed with the fleet's key. Written by `muster deploy promote`.\n",
         );
         let controller = &self.controller;
         write!(
@@ -284,6 +309,10 @@ impl Grant {
         )
         .expect(NEVER_FAILS);
         append_signature(&mut text, &sign(fleet, &self.message()));
+        text.push_str("\n[evidence]\n");
+        for (kind, sha256) in self.evidence.hashes() {
+            writeln!(text, "{kind} = \"{}\"", hex(sha256)).expect(NEVER_FAILS);
+        }
         text
     }
 
@@ -301,6 +330,12 @@ impl Grant {
         for text in texts {
             message.extend_from_slice(&(text.len() as u64).to_le_bytes());
             message.extend_from_slice(text.as_bytes());
+        }
+        for (kind, sha256) in self.evidence.hashes() {
+            let name = kind.name();
+            message.extend_from_slice(&(name.len() as u64).to_le_bytes());
+            message.extend_from_slice(name.as_bytes());
+            message.extend_from_slice(sha256);
         }
         message
     }

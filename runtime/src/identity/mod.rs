@@ -12,9 +12,10 @@
 //! | `roster.toml` | each drone's public key, signed | each drone |
 //! | `revoked.toml` | the revocation list: a rising number and revoked drones, signed | each drone |
 //! | `drone-ID.key` | a drone's secret key | that drone only |
-//! | `drone-ID.grant` | what that drone may do above the stage `bench`, signed | that drone |
+//! | `drone-ID.grant` | what that drone may do, and the hashes of what was shown for it, signed | that drone |
 
 mod authenticator;
+mod evidence;
 mod fleet;
 mod grant;
 mod ground_check;
@@ -24,6 +25,7 @@ mod operator;
 mod release;
 
 pub use authenticator::{Ed25519Authenticator, IdentityMismatch};
+pub use evidence::{Evidence, EvidenceKind};
 pub use fleet::{Fleet, KeysError};
 pub use grant::{CalendarTime, ControllerFacts, Grant, GrantRefusal, GrantedStage};
 pub use ground_check::GroundCheck;

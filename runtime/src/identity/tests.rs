@@ -259,7 +259,9 @@ mod grants {
     use proptest::prelude::*;
 
     use super::*;
-    use crate::identity::{CalendarTime, ControllerFacts, Grant, GrantRefusal, GrantedStage};
+    use crate::identity::{
+        CalendarTime, ControllerFacts, Evidence, EvidenceKind, Grant, GrantRefusal, GrantedStage,
+    };
 
     fn facts(seed: u32) -> ControllerFacts {
         let uid = Uid { uid: [seed, 2, 3] };
@@ -278,7 +280,14 @@ mod grants {
             controller: facts(7),
             issued,
             until: issued.after(Duration::from_secs(86_400)),
+            evidence: evidence(GrantedStage::Tethered),
         }
+    }
+
+    /// All that a stage needs.
+    fn evidence(stage: GrantedStage) -> Evidence {
+        let kinds = EvidenceKind::ALL.iter().filter(|it| it.stage() <= stage);
+        kinds.map(|kind| (*kind, [3; 32])).collect()
     }
 
     fn signed() -> (TempDir, Fleet, PathBuf) {
@@ -326,6 +335,31 @@ mod grants {
     }
 
     #[test]
+    fn a_grant_that_was_signed_without_what_a_stage_needs_allows_no_stage_from_there_on() {
+        let (_folder, fleet) = fleet();
+        for kind in EvidenceKind::ALL {
+            let mut skipping = Grant {
+                stage: GrantedStage::Flight,
+                evidence: evidence(GrantedStage::Flight),
+                ..grant()
+            };
+            skipping.evidence.retain(|it| it != kind);
+            let file = fleet.grant(&skipping).unwrap();
+            let read = Grant::load(&file, &fleet.public()).unwrap();
+            for stage in [
+                GrantedStage::Bench,
+                GrantedStage::Tethered,
+                GrantedStage::Flight,
+            ] {
+                let missing = kind;
+                let refused = (stage >= kind.stage())
+                    .then_some(GrantRefusal::SkipsEvidence { stage, missing });
+                assert_eq!(read.is_for(NodeId(1), stage).err(), refused, "{kind}");
+            }
+        }
+    }
+
+    #[test]
     fn a_drone_outside_the_fleet_is_granted_nothing() {
         let (_folder, fleet) = fleet();
         fleet.revoke(&[NodeId(1)]).unwrap();
@@ -350,7 +384,7 @@ mod grants {
 
         /// Any change of a byte leaves it as it was signed, or refused.
         #[test]
-        fn an_altered_grant_is_refused(at in 0_usize..600, byte in 32_u8..127) {
+        fn an_altered_grant_is_refused(at in 0_usize..1_000, byte in 32_u8..127) {
             thread_local! {
                 static SIGNED: (TempDir, Fleet, PathBuf) = signed();
             }

@@ -68,6 +68,9 @@ pub struct Report {
     /// this value. `None` if there was one clock.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub clock_uncertainty_s: Option<f64>,
+    /// File name of the program that was the drones' flight controllers. `None` if they were simulated, or there were none.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub firmware: Option<String>,
     /// Drones, by id.
     pub drones: Vec<DroneReport>,
     /// Pure relays, by id.

@@ -39,6 +39,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
     let flight_times = reports.iter().filter_map(|drone| drone.flight_time_s);
     let report = Report {
         elections: Vec::new(),
+        firmware: None,
         scenario: "scenarios/thesis-2.toml".to_owned(),
         seed: 7,
         overrides: Vec::new(),

@@ -78,6 +78,7 @@ impl Run<'_> {
             simulated_s: outcome.ended.as_secs_f64(),
             wall_s: self.wall.as_secs_f64(),
             clock_uncertainty_s: None,
+            firmware: None,
             means: means(&drones),
             drones,
             relays: relays(swarm, joins, flown),

@@ -63,7 +63,7 @@ fn files(scenario: &Path) -> Result<Vec<PathBuf>, Failure> {
 }
 
 /// The arguments that say what is run.
-fn words(arguments: &Arguments) -> Vec<String> {
+pub(super) fn words(arguments: &Arguments) -> Vec<String> {
     let mut words = vec![arguments.scenario.display().to_string()];
     words.extend(["--seeds".to_owned(), arguments.seeds.to_string()]);
     for vary in &arguments.vary {

@@ -24,6 +24,9 @@ pub(super) struct Arguments {
     /// Set what can be set.
     #[arg(long)]
     fix: bool,
+    /// Also ask for unattended security updates. A host needs the package `unattended-upgrades`.
+    #[arg(long)]
+    updates: bool,
     /// Archive that `muster deploy package` wrote, for hosts that have no release yet
     #[arg(long, value_name = "ARCHIVE")]
     release: Option<PathBuf>,
@@ -46,6 +49,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         &fleet,
         release.as_ref(),
         arguments.fix.then_some(operator.as_str()),
+        arguments.updates,
     );
     if arguments.json {
         let hosts = audited.iter().map(|(name, found)| match found {

@@ -1,6 +1,8 @@
 mod audit;
+mod image;
 mod logs;
 mod package;
+mod promote;
 mod rollout;
 mod status;
 
@@ -8,6 +10,7 @@ use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
 use muster_deploy::hosts::Fleet;
+use muster_deploy::image::ImageError;
 use muster_deploy::release::{PackageError, Release};
 use muster_deploy::rollout::{Desired, check_roster, desired};
 use muster_runtime::diagnostic::BadInput;
@@ -35,6 +38,8 @@ enum Action {
     Rollback(rollout::RollbackArguments),
     Logs(logs::Arguments),
     Audit(audit::Arguments),
+    Promote(promote::Arguments),
+    Image(image::Arguments),
 }
 
 /// A fleet and a release for it.
@@ -92,6 +97,15 @@ impl From<DeployFailure> for Failure {
     }
 }
 
+impl From<ImageError> for Failure {
+    fn from(error: ImageError) -> Self {
+        match error {
+            ImageError::Refused(input) => input.into(),
+            ImageError::Write { path, source } => Self::Create { path, source },
+        }
+    }
+}
+
 impl From<PackageError> for Failure {
     fn from(error: PackageError) -> Self {
         match error {
@@ -111,5 +125,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         Action::Rollback(arguments) => rollout::roll_back(arguments),
         Action::Logs(arguments) => logs::run(arguments),
         Action::Audit(arguments) => audit::run(arguments),
+        Action::Promote(arguments) => promote::run(arguments),
+        Action::Image(arguments) => image::run(arguments),
     }
 }

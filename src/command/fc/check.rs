@@ -1,11 +1,14 @@
 use clap::{Args, ValueEnum};
-use muster_msp::Configuration;
 use muster_msp::check::{Finding, ReceiverMode, check};
+use muster_msp::{Configuration, Uid};
 use muster_port::Address;
+use muster_runtime::identity::ControllerFacts;
 use muster_runtime::text::plural;
 use serde_json::json;
 
-use super::{ControllerError, Device, Failure, Outcome, add_override_settings, open, reading};
+use super::{
+    ControllerError, Device, Failure, Outcome, add_override_settings, ask_if_known, open, reading,
+};
 use crate::command::terminal;
 
 /// Check whether a flight controller's settings are fit to fly.
@@ -44,13 +47,13 @@ impl From<Receiver> for ReceiverMode {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let Device { address, json } = &arguments.device;
-    let configuration = read(address, arguments.cli)?;
+    let (configuration, uid) = read(address, arguments.cli)?;
     let mode = arguments
         .receiver
         .map_or_else(|| ReceiverMode::of(&configuration), Into::into);
     let findings = check(&configuration, mode);
     let text = if *json {
-        in_json(address, &configuration, mode, &findings)
+        in_json(address, (&configuration, uid.as_ref()), mode, &findings)
     } else {
         self::findings(address, &configuration, mode, &findings)
     };
@@ -62,13 +65,15 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     })
 }
 
-fn read(address: &Address, cli: bool) -> Result<Configuration, ControllerError> {
+/// The settings, and the number of the chip if the controller tells it.
+fn read(address: &Address, cli: bool) -> Result<(Configuration, Option<Uid>), ControllerError> {
     let mut session = open(address)?;
     let mut configuration = reading(address, Configuration::read(&mut session))?;
+    let uid = reading(address, ask_if_known(&mut session))?;
     if cli {
         add_override_settings(address, session, &mut configuration)?;
     }
-    Ok(configuration)
+    Ok((configuration, uid))
 }
 
 /// The verdict, and a paragraph for each finding.
@@ -104,7 +109,7 @@ pub(in crate::command) fn findings(
 
 fn in_json(
     address: &Address,
-    configuration: &Configuration,
+    (configuration, uid): (&Configuration, Option<&Uid>),
     mode: ReceiverMode,
     findings: &[Finding],
 ) -> String {
@@ -115,6 +120,7 @@ fn in_json(
     let report = json!({
         "device": address.to_string(),
         "version": configuration.identity.version.to_string(),
+        "chip": uid.map(|uid| ControllerFacts::new(configuration, uid).chip),
         "receiver": mode.to_string(),
         "fit": findings.is_empty(),
         "findings": findings,

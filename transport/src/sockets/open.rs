@@ -3,6 +3,7 @@
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
 
+use rustix::net::netdevice::name_to_index;
 use socket2::{Domain, InterfaceIndexOrAddress, Protocol, SockRef, Socket, Type};
 use thiserror::Error;
 
@@ -133,15 +134,11 @@ fn socket(config: &Config, address: SocketAddr, is_shared: bool) -> Result<Socke
 
 fn join(config: &Config, socket: &Socket, group: Ipv4Addr) -> io::Result<()> {
     let interface = match &config.interface {
-        Some(name) => InterfaceIndexOrAddress::Index(index_of(name)?),
+        Some(name) => {
+            // Not from /sys, which may be another network namespace's.
+            InterfaceIndexOrAddress::Index(name_to_index(socket, name)?)
+        }
         None => InterfaceIndexOrAddress::Address(Ipv4Addr::UNSPECIFIED),
     };
     socket.join_multicast_v4_n(&group, &interface)
-}
-
-/// The kernel's index of an interface.
-fn index_of(name: &str) -> io::Result<u32> {
-    let text = std::fs::read_to_string(format!("/sys/class/net/{name}/ifindex"))?;
-    let index = text.trim().parse();
-    index.map_err(|_| io::Error::from(io::ErrorKind::InvalidData))
 }

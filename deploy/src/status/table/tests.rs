@@ -1,6 +1,7 @@
 use super::*;
 use muster_daemon::status::{
-    ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, PortState, PortStatus, VehicleStatus,
+    ActorStatus, ComputerStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, PortState,
+    PortStatus, VehicleStatus,
 };
 
 fn status(drone: u32) -> Status {
@@ -62,6 +63,7 @@ fn status(drone: u32) -> Status {
         messages_refused: 0,
         journal_unwritten: 0,
         log_lines_lost: 0,
+        computer: ComputerStatus::default(),
     }
 }
 
@@ -169,4 +171,39 @@ fn port_of_a_flight_controller_is_remarked_and_a_closed_or_unfit_one_says_so() {
             " drone 2      port closed: no such device",
         ]
     );
+}
+
+#[test]
+fn a_weak_computer_is_remarked_on_and_a_healthy_one_is_not() {
+    let remark = |computer| {
+        let mut status = status(1);
+        status.computer = computer;
+        super::computer(&status)
+    };
+    let well = ComputerStatus {
+        temperature_c: Some(79.9),
+        under_voltage: Some(false),
+        free_bytes: Some(SPACE_MIN),
+        card_wear: Some(0.8),
+        ..ComputerStatus::default()
+    };
+    assert_eq!(remark(ComputerStatus::default()), None);
+    assert_eq!(remark(well), None);
+    let weak = ComputerStatus {
+        temperature_c: Some(80.0),
+        under_voltage: Some(true),
+        throttled: Some(true),
+        free_bytes: Some(SPACE_MIN - 1),
+        card_wear: Some(0.9),
+        ..well
+    };
+    let words = "its computer: 80 °C, voltage too low, slowed down, 90 % of the card's life used, 99 MB free";
+    assert_eq!(remark(weak).as_deref(), Some(words));
+    let before = ComputerStatus {
+        had_under_voltage: Some(true),
+        was_throttled: Some(true),
+        ..well
+    };
+    let words = "its computer: voltage was too low, was slowed down";
+    assert_eq!(remark(before).as_deref(), Some(words));
 }

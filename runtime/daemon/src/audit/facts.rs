@@ -31,11 +31,24 @@ pub(super) struct Facts {
     pub(super) open_ports: Vec<PathBuf>,
     /// Exposure of each drone's service, in tenths, by `systemd-analyze security`.
     pub(super) exposures: BTreeMap<String, u32>,
+    /// State of unattended security updates; `None` if nobody asks for them.
+    pub(super) updates: Option<Updates>,
+}
+
+/// Unattended security updates.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Updates {
+    /// Their package is not installed.
+    Missing,
+    /// They are installed, and not switched on.
+    Off,
+    /// They install themselves.
+    On,
 }
 
 impl Facts {
     /// Gathers them below a root folder.
-    pub(super) fn gather(root: &Path) -> io::Result<Self> {
+    pub(super) fn gather(root: &Path, asks_for_updates: bool) -> io::Result<Self> {
         let sshd = settings(&output("sshd", &["-T"])?);
         let ports = sshd_ports(&output("sshd", &["-T"])?);
         let passwd = fs::read_to_string(root.join("etc/passwd"))?;
@@ -53,6 +66,11 @@ impl Facts {
             open_keys: open_keys(root, &passwd),
             open_ports: open_ports(root),
             exposures: exposures()?,
+            updates: if asks_for_updates {
+                Some(unattended_updates(root)?)
+            } else {
+                None
+            },
         })
     }
 }
@@ -150,6 +168,39 @@ fn open_ports(root: &Path) -> Vec<PathBuf> {
     let mut ports: Vec<_> = ports.collect();
     ports.sort();
     ports
+}
+
+fn unattended_updates(root: &Path) -> io::Result<Updates> {
+    if !root.join("usr/bin/unattended-upgrade").exists() {
+        return Ok(Updates::Missing);
+    }
+    let dump = output(
+        "apt-config",
+        &["dump", "--format", "%f %v%n", "APT::Periodic"],
+    )?;
+    Ok(updates(&dump))
+}
+
+/// The state of updates by apt's settings, as `apt-config dump` prints them with a name and a value a line. A period of "0",
+/// or none, is never.
+pub(super) fn updates(dump: &str) -> Updates {
+    let settings = settings(dump);
+    let is_on = |name: &str| {
+        let period = settings.get(name).map_or("0", String::as_str);
+        period != "0" && !period.is_empty()
+    };
+    let needed = [
+        "apt::periodic::update-package-lists",
+        "apt::periodic::unattended-upgrade",
+    ];
+    let is_enabled = settings
+        .get("apt::periodic::enable")
+        .is_none_or(|it| it != "0");
+    if is_enabled && needed.iter().all(|it| is_on(it)) {
+        Updates::On
+    } else {
+        Updates::Off
+    }
 }
 
 /// Exposures of the drones' services that run.

@@ -29,12 +29,12 @@ pub struct Finding {
     pub can_be_fixed: bool,
 }
 
-/// Audits this host.
+/// Audits this host. `asks_for_updates`: whether security updates are to install themselves.
 ///
 /// # Errors
 /// If a file can't be read or a command can't be run.
-pub(crate) fn audit() -> io::Result<Vec<Finding>> {
-    let facts = Facts::gather(Path::new("/"))?;
+pub(crate) fn audit(asks_for_updates: bool) -> io::Result<Vec<Finding>> {
+    let facts = Facts::gather(Path::new("/"), asks_for_updates)?;
     Ok(rules::judge(&facts))
 }
 
@@ -42,12 +42,12 @@ pub(crate) fn audit() -> io::Result<Vec<Finding>> {
 ///
 /// # Errors
 /// If a file can't be written or a command can't be run. What was changed until then is undone after a minute.
-pub(crate) fn fix() -> io::Result<Vec<Finding>> {
-    let facts = Facts::gather(Path::new("/"))?;
+pub(crate) fn fix(asks_for_updates: bool) -> io::Result<Vec<Finding>> {
+    let facts = Facts::gather(Path::new("/"), asks_for_updates)?;
     let findings = rules::judge(&facts);
     let changes = rules::changes(&facts, &findings);
     if !changes.is_empty() {
         fix::carry_out(&changes)?;
     }
-    audit()
+    audit(asks_for_updates)
 }

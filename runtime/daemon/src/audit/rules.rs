@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::Finding;
-use super::facts::Facts;
+use super::facts::{Facts, Updates};
 use super::fix::Change;
 
 /// Settings of sshd. Debian reads this folder before its own settings, and the first setting counts.
@@ -12,6 +12,8 @@ const BANNER: &str = "/etc/muster-banner";
 const FIREWALL: &str = "/etc/muster-firewall.nft";
 pub(super) const FIREWALL_UNIT: &str = "muster-firewall.service";
 const SERIAL: &str = "/etc/udev/rules.d/60-muster-serial.rules";
+/// Settings of apt. Names that come later count, and Debian's own begins with 20.
+const UPDATES: &str = "/etc/apt/apt.conf.d/60muster-updates";
 /// The highest exposure of a drone's service, in tenths.
 const EXPOSURE_MAX: u32 = 20;
 
@@ -21,6 +23,7 @@ pub(super) fn judge(facts: &Facts) -> Vec<Finding> {
     findings.extend(passwords(facts));
     findings.extend(firewall(facts));
     findings.extend(files(facts));
+    findings.extend(facts.updates.and_then(updates));
     findings
 }
 
@@ -103,6 +106,25 @@ fn firewall(facts: &Facts) -> Option<Finding> {
     })
 }
 
+fn updates(state: Updates) -> Option<Finding> {
+    let why = "what is known to be open stays open";
+    let finding = |what: &str, undo: &str| finding("security-updates", what, why, undo);
+    match state {
+        Updates::On => None,
+        Updates::Off => {
+            let what = "security updates do not install themselves";
+            Some(finding(what, &format!("remove {UPDATES}")))
+        }
+        Updates::Missing => {
+            let what = "the package unattended-upgrades is not installed: install it first";
+            let mut found = finding(what, "-");
+            // A host in the field reaches no package server.
+            found.can_be_fixed = false;
+            Some(found)
+        }
+    }
+}
+
 fn files(facts: &Facts) -> Vec<Finding> {
     let mut findings = Vec::new();
     for path in &facts.open_keys {
@@ -168,6 +190,9 @@ pub(super) fn changes(facts: &Facts, findings: &[Finding]) -> Vec<Change> {
         .filter(|_| is_broken("key-permissions"))
     {
         changes.push(Change::Close { path: path.clone() });
+    }
+    if is_broken("security-updates") {
+        changes.push(write(UPDATES, UPDATES_TEXT.to_owned()));
     }
     if is_broken("serial-permissions") {
         changes.push(write(SERIAL, SERIAL_TEXT.to_owned()));
@@ -245,6 +270,14 @@ ExecStop=/usr/sbin/nft delete table inet muster
 
 [Install]
 WantedBy=multi-user.target
+";
+
+/// Once a day. What is installed restarts no computer that may fly.
+const UPDATES_TEXT: &str = "// Written by muster deploy audit --fix.
+APT::Periodic::Enable \"1\";
+APT::Periodic::Update-Package-Lists \"1\";
+APT::Periodic::Unattended-Upgrade \"1\";
+Unattended-Upgrade::Automatic-Reboot \"false\";
 ";
 
 const SERIAL_TEXT: &str = "# Written by muster deploy audit --fix.

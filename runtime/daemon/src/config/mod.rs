@@ -361,14 +361,21 @@ impl File {
         }))
     }
 
-    /// The grant that the stage needs, if it needs one.
+    /// The grant that the stage needs, if it needs one. In the stage `bench` a grant is looked at if there is one.
     fn permission(&self, receiver: &Located<ReceiverName>) -> Result<Option<Permission>, BadInput> {
         let raw = &self.0.raw;
         let stage = match raw.stage.get_ref() {
-            StageName::Sim | StageName::Bench => return Ok(None),
+            StageName::Sim => return Ok(None),
+            StageName::Bench => GrantedStage::Bench,
             StageName::Tethered => GrantedStage::Tethered,
             StageName::Flight => GrantedStage::Flight,
         };
+        if stage == GrantedStage::Bench {
+            if let Some(path) = &raw.keys.grant {
+                self.grant(path, stage)?;
+            }
+            return Ok(None);
+        }
         if *receiver.get_ref() == ReceiverName::Sole {
             let message = format!(
                 "the stage \"{stage}\" needs `receiver = \"override\"`: a pilot who arms and can take over"
@@ -377,20 +384,24 @@ impl File {
         }
         let Some(path) = &raw.keys.grant else {
             let message = format!(
-                "the stage \"{stage}\" needs `keys.grant`, a file that `muster keys grant` writes"
+                "the stage \"{stage}\" needs `keys.grant`, a file that `muster deploy promote` writes"
             );
             return Err(self.0.error(raw.stage.span(), &message));
         };
-        let grant = Grant::load(&self.0.resolve(path.get_ref()), &self.fleet()?)?;
-        let id = *raw.id.get_ref();
-        if let Err(refusal) = grant.is_for(NodeId(id), stage) {
-            return Err(self.0.error(path.span(), &refusal.to_string()));
-        }
         Ok(Some(Permission {
-            grant,
+            grant: self.grant(path, stage)?,
             stage,
-            kept: kept_check(&self.0.resolve(&raw.journal), id),
+            kept: kept_check(&self.0.resolve(&raw.journal), *raw.id.get_ref()),
         }))
+    }
+
+    /// The grant in a file, if it is for this drone and stage.
+    fn grant(&self, path: &Located<PathBuf>, stage: GrantedStage) -> Result<Grant, BadInput> {
+        let grant = Grant::load(&self.0.resolve(path.get_ref()), &self.fleet()?)?;
+        match grant.is_for(NodeId(*self.0.raw.id.get_ref()), stage) {
+            Ok(()) => Ok(grant),
+            Err(refusal) => Err(self.0.error(path.span(), &refusal.to_string())),
+        }
     }
 
     fn check_plan(&self, plan: &Plan) -> Result<(), BadInput> {

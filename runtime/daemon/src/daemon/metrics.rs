@@ -85,6 +85,7 @@ impl Collector for Snapshot {
         let status = &self.0;
         let page = &mut Page(encoder);
         process(status, page)?;
+        computer(status, page)?;
         swarm(status, page)?;
         vehicle(status, page)?;
         port(status, page)?;
@@ -119,6 +120,39 @@ fn process(status: &Status, page: &mut Page<'_>) -> fmt::Result {
     page.counter(("journal_unwritten", help), status.journal_unwritten)?;
     let help = "Log lines dropped because the log's reader is too slow";
     page.counter(("log_lines_lost", help), status.log_lines_lost)
+}
+
+fn computer(status: &Status, page: &mut Page<'_>) -> fmt::Result {
+    let computer = &status.computer;
+    let help = "Temperature of the processor; this and what follows are absent where the computer does not tell";
+    page.gauge(
+        ("computer_temperature_celsius", help),
+        computer.temperature_c,
+    )?;
+    let help = "1 if the supply's voltage is too low";
+    page.gauge(
+        ("computer_under_voltage", help),
+        computer.under_voltage.map(flag),
+    )?;
+    let help = "1 if the processor is slowed down";
+    page.gauge(("computer_throttled", help), computer.throttled.map(flag))?;
+    let help = "1 if the supply's voltage was too low since the computer started";
+    page.gauge(
+        ("computer_had_under_voltage", help),
+        computer.had_under_voltage.map(flag),
+    )?;
+    let help = "1 if the processor was slowed down since the computer started";
+    page.gauge(
+        ("computer_was_throttled", help),
+        computer.was_throttled.map(flag),
+    )?;
+    let help = "Share of the card's life that is used at most, in tenths";
+    page.gauge(("computer_card_wear_ratio", help), computer.card_wear)?;
+    let help = "Free space for the journal";
+    page.gauge(
+        ("computer_free_bytes", help),
+        computer.free_bytes.map(|it| it as f64),
+    )
 }
 
 fn swarm(status: &Status, page: &mut Page<'_>) -> fmt::Result {

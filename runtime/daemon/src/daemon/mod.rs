@@ -6,6 +6,7 @@
 mod actors;
 mod agent_calls;
 mod autopilot;
+mod computer;
 mod counts;
 mod durable;
 mod endpoint;
@@ -44,6 +45,7 @@ use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle, JoinSet};
 
+use self::computer::Computer;
 use self::endpoint::Endpoint;
 use self::network::{Network, Waiting};
 use self::operators::OperatorService;
@@ -338,6 +340,7 @@ impl Incarnation {
         let has_agent = config.plan.agent.is_some() && !config.is_relay();
         let process = Process::new(Components {
             agent_calls: has_agent.then(Arc::default),
+            computer: Computer::watch(&config.journal).map_err(DaemonError::Runtime)?,
             id: config.id,
             swarm: config.swarm,
             is_relay: config.is_relay(),

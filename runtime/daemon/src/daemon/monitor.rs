@@ -6,6 +6,7 @@ use muster_machines::routing::{self, Routes};
 use muster_machines::time::Timestamp;
 use muster_machines::{mission, radio};
 
+use super::computer::Computer;
 use super::counts::Counts;
 use super::reporter::Reporter;
 use crate::log::Lost;
@@ -16,15 +17,22 @@ pub(super) struct Monitor {
     pub(super) routes: Routes,
     pub(super) reporter: Reporter,
     lines_lost: Lost,
+    pub(super) computer: Computer,
 }
 
 impl Monitor {
-    pub(super) fn new(drone: NodeId, for_programs: bool, lines_lost: Lost) -> Self {
+    pub(super) fn new(
+        drone: NodeId,
+        for_programs: bool,
+        lines_lost: Lost,
+        computer: Computer,
+    ) -> Self {
         Self {
             counts: Counts::default(),
             routes: Routes::default(),
             reporter: Reporter::new(drone, for_programs),
             lines_lost,
+            computer,
         }
     }
 

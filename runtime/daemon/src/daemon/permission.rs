@@ -107,6 +107,7 @@ impl Checker {
 
 const fn stage_of(stage: GrantedStage) -> Stage {
     match stage {
+        GrantedStage::Bench => Stage::Bench,
         GrantedStage::Tethered => Stage::Tethered,
         GrantedStage::Flight => Stage::Flight,
     }
@@ -164,7 +165,7 @@ fn as_on_the_ground(
 mod tests {
     use muster_machines::identity::NodeId;
     use muster_msp::Configuration;
-    use muster_runtime::identity::Grant;
+    use muster_runtime::identity::{EvidenceKind, Grant};
 
     use super::*;
 
@@ -213,6 +214,10 @@ mod tests {
             controller: ControllerFacts::new(&Configuration::default(), &uid),
             issued: noon(),
             until: noon().after(DAY),
+            evidence: EvidenceKind::ALL
+                .into_iter()
+                .map(|kind| (kind, [3; 32]))
+                .collect(),
         };
         let permission = Permission {
             grant,

@@ -14,6 +14,7 @@ use muster_runtime::journal::{WriteReport, Writer};
 use tokio::sync::Notify;
 
 use super::agent_calls::AgentCalls;
+use super::computer::Computer;
 use super::network::Network;
 use super::revocation::Revocations;
 use super::state::State;
@@ -52,6 +53,8 @@ pub(super) struct Components {
     pub(super) for_programs: bool,
     /// Counts lost log lines.
     pub(super) lines_lost: Lost,
+    /// The health of the computer.
+    pub(super) computer: Computer,
     /// Counts slow calls of the agent. `None` without an agent.
     pub(super) agent_calls: Option<Arc<AgentCalls>>,
 }

@@ -77,6 +77,7 @@ impl State {
                 components.id,
                 components.for_programs,
                 components.lines_lost,
+                components.computer,
             ),
             agent_calls: components.agent_calls,
             outcome: Outcome::new(is_finished),

@@ -40,6 +40,8 @@ pub enum SlotOrder {
     Audit,
     /// Make it safe. It is undone after a minute without [`SlotOrder::ConfirmFix`].
     Fix,
+    /// From here on, audits and fixes of this session ask for unattended security updates, too.
+    WithUpdates,
     /// The operator can still log in.
     ConfirmFix,
 }

@@ -30,6 +30,7 @@ pub(super) fn serve(disk: &Disk) -> io::Result<()> {
     let mut session = Session {
         disk,
         lock: None,
+        asks_for_updates: false,
         input: BufReader::new(Input {
             pieces,
             piece: Vec::new(),
@@ -106,6 +107,8 @@ struct Session<'a> {
     disk: &'a Disk,
     /// Held while this session may change the host.
     lock: Option<File>,
+    /// Whether audits ask for unattended security updates.
+    asks_for_updates: bool,
     input: BufReader<Input>,
 }
 
@@ -113,7 +116,11 @@ impl Session<'_> {
     fn carry_out(&mut self, order: SlotOrder) -> SlotReply {
         let changes = !matches!(
             order,
-            SlotOrder::Ping | SlotOrder::Look | SlotOrder::Audit | SlotOrder::Lock { .. }
+            SlotOrder::Ping
+                | SlotOrder::Look
+                | SlotOrder::Audit
+                | SlotOrder::WithUpdates
+                | SlotOrder::Lock { .. }
         );
         if changes && self.lock.is_none() {
             return SlotReply::Refused("the host is not locked by this session".to_owned());
@@ -139,8 +146,15 @@ impl Session<'_> {
                     Err(refusal) => SlotReply::Refused(in_words(&refusal)),
                 });
             }
-            SlotOrder::Audit => return Ok(SlotReply::Findings(audit::audit()?)),
-            SlotOrder::Fix => return Ok(SlotReply::Findings(audit::fix()?)),
+            SlotOrder::WithUpdates => self.asks_for_updates = true,
+            SlotOrder::Audit => {
+                let findings = audit::audit(self.asks_for_updates)?;
+                return Ok(SlotReply::Findings(findings));
+            }
+            SlotOrder::Fix => {
+                let findings = audit::fix(self.asks_for_updates)?;
+                return Ok(SlotReply::Findings(findings));
+            }
             SlotOrder::ConfirmFix => audit::confirm()?,
             SlotOrder::Try { slot } => trial::start(self.disk, &slot)?,
             SlotOrder::RollBack => trial::roll_back(self.disk)?,

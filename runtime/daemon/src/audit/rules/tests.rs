@@ -1,6 +1,6 @@
 use std::collections::BTreeSet;
 
-use super::super::facts::{exposure, settings, with_password};
+use super::super::facts::{Updates, exposure, settings, updates, with_password};
 use super::super::fix::{Undo, undo_order};
 use super::*;
 
@@ -49,7 +49,7 @@ fn stock_host_breaks_rules_and_a_hardened_one_none() {
 #[test]
 fn each_planted_weakness_is_found() {
     type Plant = fn(&mut Facts);
-    let table: [(&str, Plant); 6] = [
+    let table: [(&str, Plant); 8] = [
         ("no-passwords", |it| {
             it.with_password.insert("pi".to_owned());
         }),
@@ -63,6 +63,8 @@ fn each_planted_weakness_is_found() {
         ("unit-sandbox", |it| {
             it.exposures.insert("musterd@0.service".to_owned(), 21);
         }),
+        ("security-updates", |it| it.updates = Some(Updates::Off)),
+        ("security-updates", |it| it.updates = Some(Updates::Missing)),
         ("ssh-no-root", |it| {
             it.sshd
                 .insert("permitrootlogin".to_owned(), "yes".to_owned());
@@ -112,6 +114,38 @@ fn users_who_can_log_in_with_a_password_are_found() {
     let shadow = "root:!:1::::::\npi:$y$hash:1::::::\nguest::1::::::\nsync:*:1::::::\nmuster:$y$hash:1::::::\n";
     let expected = ["guest", "pi"].map(str::to_owned);
     assert_eq!(with_password(passwd, shadow), BTreeSet::from(expected));
+}
+
+#[test]
+fn updates_count_as_on_once_apt_looks_for_them_and_installs_them() {
+    // As Debian's apt prints them.
+    let stock = "APT::Periodic \nAPT::Periodic::Update-Package-Lists 1\nAPT::Periodic::Unattended-Upgrade 1\n";
+    assert_eq!(updates(stock), Updates::On);
+    assert_eq!(updates(""), Updates::Off);
+    assert_eq!(
+        updates("APT::Periodic::Unattended-Upgrade 1\n"),
+        Updates::Off
+    );
+    let never = stock.replace("Unattended-Upgrade 1", "Unattended-Upgrade 0");
+    assert_eq!(updates(&never), Updates::Off);
+    let disabled = format!("{stock}APT::Periodic::Enable 0\n");
+    assert_eq!(updates(&disabled), Updates::Off);
+}
+
+#[test]
+fn updates_that_are_not_installed_are_reported_and_not_set() {
+    let missing = Facts {
+        updates: Some(Updates::Missing),
+        ..hardened()
+    };
+    assert_eq!(changes(&missing, &judge(&missing)), []);
+    let off = Facts {
+        updates: Some(Updates::Off),
+        ..hardened()
+    };
+    let set = changes(&off, &judge(&off));
+    assert!(matches!(&set[..], [Change::Write { path, .. }] if path == Path::new(UPDATES)));
+    assert_eq!(broken(&hardened()), [""; 0], "nobody asks for them");
 }
 
 #[test]

@@ -72,6 +72,7 @@ impl State {
             messages_refused: self.actors.refused.messages,
             journal_unwritten: self.durable.failures,
             log_lines_lost: self.monitor.lines_lost(),
+            computer: self.monitor.computer.status(),
         }
     }
 
