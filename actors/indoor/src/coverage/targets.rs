@@ -1,6 +1,6 @@
 //! Targets, and which of them a camera sees.
 
-use super::{TARGET_M, View};
+use super::{PlanError, TARGET_M, TARGETS_MAX, View};
 use crate::frames::{MapPose, MapXy, wrapped_rad};
 use crate::map::{Map, State};
 
@@ -19,13 +19,20 @@ pub struct Targets {
 
 impl Targets {
     /// The targets of a map.
-    #[must_use]
-    pub fn new(map: &Map) -> Self {
+    ///
+    /// # Errors
+    /// If the map is larger than [`TARGETS_MAX`] squares.
+    pub fn new(map: &Map) -> Result<Self, PlanError> {
         let squares = |cells: usize| {
             let edge_m = cells as f64 * map.resolution_m();
             (edge_m / TARGET_M).ceil() as usize
         };
         let (columns, rows) = (squares(map.columns()), squares(map.rows()));
+        PlanError::limit(
+            "squares of 20 cm",
+            columns.saturating_mul(rows),
+            TARGETS_MAX,
+        )?;
         let mut targets = Self {
             columns,
             rows,
@@ -46,7 +53,7 @@ impl Targets {
                 targets.points.push(centre);
             }
         }
-        targets
+        Ok(targets)
     }
 
     /// Number of targets.
@@ -103,6 +110,29 @@ impl Targets {
     }
 }
 
+/// The targets that are seen from one place: few of all, so only words with one of them are kept.
+#[derive(Debug, Clone)]
+pub(super) struct Sight {
+    words: Vec<(u32, u64)>,
+    len: usize,
+}
+
+impl Sight {
+    /// All of a set.
+    pub(super) fn new(seen: &Seen) -> Self {
+        let words = (0..).zip(seen.bits.iter().copied());
+        Self {
+            words: words.filter(|(_, word)| *word != 0).collect(),
+            len: seen.len,
+        }
+    }
+
+    /// Number of targets.
+    pub(super) const fn len(&self) -> usize {
+        self.len
+    }
+}
+
 /// A set of targets.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Seen {
@@ -146,6 +176,12 @@ impl Seen {
         *word |= bit;
     }
 
+    /// Empties the set.
+    pub(super) fn clear(&mut self) {
+        self.bits.fill(0);
+        self.len = 0;
+    }
+
     /// Adds all of another set of the same targets.
     pub fn add(&mut self, other: &Self) {
         for (word, more) in self.bits.iter_mut().zip(&other.bits) {
@@ -156,6 +192,22 @@ impl Seen {
             .iter()
             .map(|word| word.count_ones() as usize)
             .sum();
+    }
+
+    /// Adds all that is seen from a place.
+    pub(super) fn add_sight(&mut self, sight: &Sight) {
+        self.len += self.lacks(sight);
+        for (at, word) in &sight.words {
+            self.bits[*at as usize] |= word;
+        }
+    }
+
+    /// How many of the targets that are seen from a place are not in this set.
+    pub(super) fn lacks(&self, sight: &Sight) -> usize {
+        let words = sight.words.iter();
+        words
+            .map(|(at, want)| (want & !self.bits[*at as usize]).count_ones() as usize)
+            .sum()
     }
 
     /// How many of another set of the same targets are not in this one.
