@@ -25,6 +25,13 @@ pub const TARGET_M: f64 = 0.2;
 /// Distance between places to look from, in metres.
 pub const PLACE_M: f64 = 0.4;
 
+/// Most targets, and squares without one, of a map: 40,000 m².
+pub const TARGETS_MAX: usize = 1_000_000;
+/// Most times that a target is in range of a place: half a minute of work.
+pub const LOOKS_MAX: usize = 100_000_000;
+/// Most stops of all tours.
+pub const STOPS_MAX: usize = 1_000;
+
 /// Distance by which a camera is taken to see less far than it does, for the pose is uncertain, in metres.
 const MARGIN_M: f64 = 0.2;
 /// Angle by which its cone is taken to be narrower on each side, in radians.
@@ -79,7 +86,8 @@ pub struct Tour {
 /// Cost: about a second for 1,000 m² with a range of 3 m.
 ///
 /// # Errors
-/// If a start isn't a place where a drone can be, or none can get from it to the others.
+/// If a start isn't a place where a drone can be, or none can get from it to the others; if the map has more targets, looks or
+/// stops than the limits.
 pub fn plan(
     floor: &Floor,
     view: View,
@@ -88,6 +96,7 @@ pub fn plan(
 ) -> Result<(Vec<Tour>, Places), PlanError> {
     let places = Places::new(floor, view, starts)?;
     let stops = places.chosen();
+    PlanError::limit("stops", stops.len(), STOPS_MAX)?;
     let distances = Distances::new(floor, starts, &stops);
     let order = distances.shortest_order(stops.len());
     let parts = distances.parts(&order, starts.len(), turn_m);

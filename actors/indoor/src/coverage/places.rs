@@ -2,7 +2,8 @@
 
 use std::collections::VecDeque;
 
-use super::{PLACE_M, Seen, Targets, View};
+use super::targets::Sight;
+use super::{LOOKS_MAX, PLACE_M, Seen, TARGET_M, Targets, View};
 use crate::frames::{MapPose, MapXy};
 use crate::map::Cell;
 use crate::path::Floor;
@@ -19,13 +20,45 @@ pub enum PlanError {
     /// No start was given.
     #[error("there is no drone")]
     NoDrone,
+    /// The map is too large for tours, or the camera sees too far or not far enough.
+    #[error("the map is too large for tours: {found} {what}, at most {most}")]
+    TooLarge {
+        /// What there is too much of.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// The limit.
+        most: usize,
+    },
+}
+
+impl PlanError {
+    /// What would be accepted.
+    #[must_use]
+    pub const fn accepted(&self) -> &'static str {
+        match self {
+            Self::Start(_) | Self::Apart(..) | Self::NoDrone => {
+                "starts on the map that are clear of walls, with ways between them"
+            }
+            Self::TooLarge { .. } => {
+                "a part of the map, or cells of the size that they have in fact"
+            }
+        }
+    }
+
+    pub(super) const fn limit(what: &'static str, found: usize, most: usize) -> Result<(), Self> {
+        if found > most {
+            return Err(Self::TooLarge { what, found, most });
+        }
+        Ok(())
+    }
 }
 
 /// The places that drones can look from, with what each sees.
 #[derive(Debug, Clone)]
 pub struct Places {
     targets: Targets,
-    places: Vec<(MapXy, Seen)>,
+    places: Vec<(MapXy, Sight)>,
     visible: Seen,
 }
 
@@ -51,24 +84,32 @@ impl Places {
         if let Some(apart) = starts.iter().find(|it| !is_reached(**it)) {
             return Err(PlanError::Apart(first, *apart));
         }
-        let targets = Targets::new(map);
+        let targets = Targets::new(map)?;
         let pitch = ((PLACE_M / map.resolution_m()).round() as usize).max(1);
         let on_lattice =
             |cell: &Cell| cell.column % pitch == pitch / 2 && cell.row % pitch == pitch / 2;
         let lattice = map.cells().filter(on_lattice);
         let points = lattice.filter(|cell| map.index(*cell).is_some_and(|index| reached[index]));
-        let points = std::iter::once(first).chain(points.map(|cell| map.centre(cell)));
+        let points: Vec<MapXy> = std::iter::once(first)
+            .chain(points.map(|cell| map.centre(cell)))
+            .collect();
+        let across = 2.0 * view.range_m / TARGET_M + 1.0;
+        let in_range = ((across * across) as usize).min(targets.len());
+        let looks = points.len().saturating_mul(in_range);
+        PlanError::limit("targets to look at from all places", looks, LOOKS_MAX)?;
         let mut visible = Seen::none(targets.len());
+        let mut seen = visible.clone();
         let mut places = Vec::new();
         for point in points {
-            let mut seen = Seen::none(targets.len());
             let pose = MapPose {
                 at: point,
                 heading_rad: 0.0,
             };
+            seen.clear();
             targets.look(map, pose, view.all_round(), &mut seen);
-            visible.add(&seen);
-            places.push((point, seen));
+            let sight = Sight::new(&seen);
+            sight.add_to(&mut visible);
+            places.push((point, sight));
         }
         Ok(Self {
             targets,
@@ -96,7 +137,7 @@ impl Places {
         let adding = self
             .places
             .iter()
-            .map(|(at, sees)| (*at, seen.missing(sees)));
+            .map(|(at, sees)| (*at, sees.missing_in(seen)));
         let better = |a: &(MapXy, usize), b: &(MapXy, usize)| {
             let nearer = b.0.distance_m(from).total_cmp(&a.0.distance_m(from));
             a.1.cmp(&b.1).then(nearer)
@@ -118,7 +159,7 @@ impl Places {
                 if bounds[place] <= most {
                     continue;
                 }
-                bounds[place] = seen.missing(sees);
+                bounds[place] = sees.missing_in(&seen);
                 if bounds[place] > most {
                     best = Some((place, bounds[place]));
                 }
@@ -127,7 +168,7 @@ impl Places {
                 return chosen;
             };
             chosen.push(self.places[place].0);
-            seen.add(&self.places[place].1);
+            self.places[place].1.add_to(&mut seen);
         }
     }
 }
@@ -148,14 +189,11 @@ fn reachable(floor: &Floor, start: Cell) -> Vec<bool> {
     };
     enter(start, &mut open);
     while let Some(Cell { column, row }) = open.pop_front() {
-        let beside = [
-            (column.wrapping_sub(1), row),
-            (column + 1, row),
-            (column, row.wrapping_sub(1)),
-            (column, row + 1),
-        ];
-        for (column, row) in beside {
-            enter(Cell { column, row }, &mut open);
+        for (dx, dy) in [(-1, 0), (1, 0), (0, -1), (0, 1)] {
+            let (column, row) = (column.checked_add_signed(dx), row.checked_add_signed(dy));
+            if let (Some(column), Some(row)) = (column, row) {
+                enter(Cell { column, row }, &mut open);
+            }
         }
     }
     reached

@@ -1,6 +1,6 @@
 //! Targets, and which of them a camera sees.
 
-use super::{Seen, TARGET_M, View};
+use super::{PlanError, Seen, TARGET_M, TARGETS_MAX, View};
 use crate::frames::{MapPose, MapXy, wrapped_rad};
 use crate::map::{Map, State};
 
@@ -19,13 +19,20 @@ pub struct Targets {
 
 impl Targets {
     /// The targets of a map.
-    #[must_use]
-    pub fn new(map: &Map) -> Self {
+    ///
+    /// # Errors
+    /// If the map is larger than [`TARGETS_MAX`] squares.
+    pub fn new(map: &Map) -> Result<Self, PlanError> {
         let squares = |cells: usize| {
             let edge_m = cells as f64 * map.resolution_m();
             (edge_m / TARGET_M).ceil() as usize
         };
         let (columns, rows) = (squares(map.columns()), squares(map.rows()));
+        PlanError::limit(
+            "squares of 20 cm",
+            columns.saturating_mul(rows),
+            TARGETS_MAX,
+        )?;
         let mut targets = Self {
             columns,
             rows,
@@ -46,7 +53,7 @@ impl Targets {
                 targets.points.push(centre);
             }
         }
-        targets
+        Ok(targets)
     }
 
     /// Number of targets.
@@ -100,5 +107,43 @@ impl Targets {
         }
         map.cast(pose.at, bearing_rad, distance_m)
             .is_none_or(|free_m| free_m >= distance_m - ROUNDING_M)
+    }
+}
+
+/// The targets that are seen from one place: few of all, so only words with one of them are kept.
+#[derive(Debug, Clone)]
+pub(super) struct Sight {
+    words: Vec<(u32, u64)>,
+    len: usize,
+}
+
+impl Sight {
+    /// All of a set.
+    pub(super) fn new(seen: &Seen) -> Self {
+        let words = (0..).zip(seen.words().iter().copied());
+        Self {
+            words: words.filter(|(_, word)| *word != 0).collect(),
+            len: seen.len(),
+        }
+    }
+
+    /// Number of targets.
+    pub(super) const fn len(&self) -> usize {
+        self.len
+    }
+
+    /// Adds them to a set.
+    pub(super) fn add_to(&self, seen: &mut Seen) {
+        for (at, word) in &self.words {
+            seen.add_word(*at as usize, *word);
+        }
+    }
+
+    /// How many of them are not in a set.
+    pub(super) fn missing_in(&self, seen: &Seen) -> usize {
+        let words = self.words.iter();
+        words
+            .map(|(at, want)| (want & !seen.words()[*at as usize]).count_ones() as usize)
+            .sum()
     }
 }

@@ -68,7 +68,7 @@ fn tours_see_all_that_can_be_seen() {
 #[test]
 fn walls_hide_and_the_cone_limits_the_view() {
     let floor = floor();
-    let targets = Targets::new(floor.map());
+    let targets = Targets::new(floor.map()).unwrap();
     let look = |heading_rad: f64, view: View| {
         let mut seen = Seen::none(targets.len());
         let pose = MapPose::new(1.5, 1.0, heading_rad);
@@ -153,4 +153,32 @@ fn starts_in_walls_or_apart_are_refused() {
         plan(&floor, VIEW, &[], 2.0).unwrap_err(),
         PlanError::NoDrone
     );
+}
+
+#[test]
+fn a_drone_without_a_size_can_be_at_the_edge_of_the_map() {
+    let map = Map::from_text(&"......\n".repeat(6), 0.4).unwrap();
+    let floor = Floor::new(Arc::new(map), 0.0);
+    let (_, places) = plan(&floor, VIEW, &[MapXy::new(1.0, 1.0)], 2.0).unwrap();
+    assert_eq!(places.visible().len(), places.targets().len());
+}
+
+#[test]
+fn maps_too_large_for_tours_are_refused() {
+    let open = |side: usize, resolution_m: f64| {
+        let plan = format!("{}\n", ".".repeat(side)).repeat(side);
+        Floor::new(Arc::new(Map::from_text(&plan, resolution_m).unwrap()), 0.0)
+    };
+    let refused = |floor: &Floor, range_m: f64| {
+        let view = View { range_m, ..VIEW };
+        match plan(floor, view, &[MapXy::new(1.0, 1.0)], 2.0) {
+            Err(PlanError::TooLarge { what, .. }) => what,
+            other => panic!("{other:?}"),
+        }
+    };
+    // A plan of ten kilobytes that is a square kilometre.
+    assert_eq!(refused(&open(100, 10.0), 4.0), "squares of 20 cm");
+    let looks = "targets to look at from all places";
+    assert_eq!(refused(&open(480, 0.4), 20.0), looks);
+    assert_eq!(refused(&open(48, 0.4), 0.25), "stops");
 }

@@ -60,3 +60,19 @@ pub(super) fn kld_size(bins: usize, error: f64, z: f64) -> usize {
     let root = 1.0 - part + libm::sqrt(part) * z;
     libm::ceil(freedom / (2.0 * error) * root * root * root) as usize
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn particles_follow_the_quantiles_of_the_chi_squared_distribution() {
+        // The 0.99 quantiles of 1, 9 and 99 degrees of freedom, over twice the error.
+        for (bins, quantile) in [(2, 6.635), (10, 21.666), (100, 134.642)] {
+            let exact = quantile / (2.0 * 0.05);
+            let wanted = kld_size(bins, 0.05, 2.326) as f64;
+            assert!((wanted - exact).abs() <= 1.0, "{bins}: {wanted}, {exact}");
+        }
+        assert_eq!(kld_size(1, 0.05, 2.326), 1);
+    }
+}

@@ -36,7 +36,7 @@ pub(super) fn sin_cos(angle: f32) -> (f32, f32) {
     }
 }
 
-/// The exponential of a number up to 0, to within 1e-6 of the result; below −80 that of −80.
+/// The exponential of a number up to 0, to within 4e-6 of the result; below −80 that of −80.
 ///
 /// Source: Taylor's series to the 6th power, on half a power of two about zero.
 #[inline]
@@ -79,7 +79,7 @@ mod tests {
         for step in 0..8_000_u16 {
             let x = -f32::from(step) * 0.01;
             let expected = libm::expf(x);
-            assert!((exp(x) - expected).abs() <= 2e-5 * expected, "{x}");
+            assert!((exp(x) - expected).abs() <= 4e-6 * expected, "{x}");
         }
     }
 }

@@ -4,6 +4,7 @@
 //! 2000: distances along columns first, then the lower envelope of parabolas along rows. Whole numbers only, so it is exact.
 
 /// Squared distances in cells from each cell's centre to the centre of the nearest marked cell; `u32::MAX` if none is marked.
+/// Distances of 65,536 cells and more are one less than `u32::MAX`.
 pub(super) fn squared_cells(
     columns: usize,
     rows: usize,
@@ -71,7 +72,10 @@ impl Envelope {
                 .peek()
                 .map_or(i64::MAX, |(vertex, _)| height(x, *vertex));
             let is_near = cell < far * far;
-            squared.push(if is_near { cell as u32 } else { u32::MAX });
+            squared.push(match is_near {
+                true => u32::try_from(cell).unwrap_or(u32::MAX).min(u32::MAX - 1),
+                false => u32::MAX,
+            });
         }
         squared[start..].reverse();
     }
@@ -98,6 +102,13 @@ mod tests {
             squares.min().map_or(u32::MAX, |it| it as u32)
         };
         cells().map(squared).collect()
+    }
+
+    #[test]
+    fn distances_of_more_than_65535_cells_do_not_wrap() {
+        let squared = squared_cells(70_000, 1, |cell| cell == 0);
+        assert_eq!(squared[65_535], 65_535 * 65_535);
+        assert!(squared[65_536..].iter().all(|it| *it == u32::MAX - 1));
     }
 
     proptest! {

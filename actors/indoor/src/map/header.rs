@@ -136,7 +136,8 @@ impl Fields {
         for (index, entry) in entries.iter().enumerate() {
             let key = entry.key.as_str();
             if !FIELDS.contains(&key) {
-                let near = |field: &&&str| strsim::osa_distance(key, field) <= 1 + key.len() / 3;
+                let near =
+                    |field: &&&str| strsim::osa_distance(key, field) <= (key.len() / 3).max(1);
                 let near = FIELDS.iter().filter(near);
                 let near = near.min_by_key(|field| strsim::osa_distance(key, field));
                 let near = near.map_or_else(String::new, |it| format!("; did you mean `{it}`?"));
@@ -151,6 +152,11 @@ impl Fields {
                     message,
                     "give it once",
                 ));
+            }
+            if key == "plan" {
+                let next = entries.get(index + 1);
+                let end = next.map_or(text.len(), |it| it.key_span.start);
+                refuse_lost_lines(text, entry.value.span.end..end)?;
             }
         }
         Ok(Self {
@@ -331,6 +337,23 @@ impl Fields {
         };
         zones.iter().map(zone).collect()
     }
+}
+
+/// Refuses lines that look like a plan's, but stand behind its end: YAML ends a block at the first line that begins further left
+/// than its first one, and takes what begins with `#` as a comment.
+fn refuse_lost_lines(text: &str, behind: Range<usize>) -> Result<(), Refusal> {
+    let mut start = text[..behind.start].rfind('\n').map_or(0, |it| it + 1);
+    for line in text[start..behind.end].split_inclusive('\n') {
+        let span = start..start + line.trim_end().len();
+        start += line.len();
+        let is_lost = line.starts_with([' ', '\t']) && line.trim_start().starts_with('#');
+        if is_lost && span.start >= behind.start {
+            let message = "the plan has ended before this line, for it begins further left than the plan's first line";
+            let accepted = "`plan: |2` for lines that begin after two spaces, or `?` in the place of a space for what is unknown";
+            return Err(Refusal::new(span, message, accepted));
+        }
+    }
+    Ok(())
 }
 
 /// A list's finite numbers.

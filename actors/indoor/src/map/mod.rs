@@ -83,7 +83,7 @@ impl Map {
     }
 
     /// A plan drawn as text, one cell of `resolution_m` for a character: `#` occupied, `.` free, `x` free but not to be
-    /// entered, a space unknown. The lower left corner is the frame's origin. Lines may differ in length.
+    /// entered, a space or `?` unknown. The lower left corner is the frame's origin. Lines may differ in length.
     ///
     /// # Errors
     /// If the plan has another character, no cell, or too many.
@@ -233,7 +233,7 @@ impl Map {
     #[must_use]
     pub fn index(&self, cell: Cell) -> Option<usize> {
         let is_inside = cell.column < self.columns && cell.row < self.rows;
-        is_inside.then_some(cell.row * self.columns + cell.column)
+        is_inside.then(|| cell.row * self.columns + cell.column)
     }
 
     /// A point in cells from the lower left corner.

@@ -108,7 +108,8 @@ pub(super) fn of_text(plan: &str, cells: usize, span: &Range<usize>) -> Result<G
                 let (line, column) = (first + number + 1, column + 1);
                 let message =
                     format!("line {line}, column {column} of the plan: {drawn:?} is no cell");
-                let accepted = "`#` occupied, `.` free, `x` not to be entered, a space unknown";
+                let accepted =
+                    "`#` occupied, `.` free, `x` not to be entered, a space or `?` unknown";
                 return Err(Refusal::new(span.clone(), message, accepted));
             };
             row.extend(std::iter::repeat_n(cell, cells));
@@ -128,7 +129,7 @@ fn of_character(drawn: char) -> Option<(State, bool)> {
         '#' => Some((State::Occupied, false)),
         '.' => Some((State::Free, false)),
         'x' => Some((State::Free, true)),
-        ' ' => Some((State::Unknown, false)),
+        ' ' | '?' => Some((State::Unknown, false)),
         _ => None,
     }
 }

@@ -133,6 +133,34 @@ fn a_plan_in_the_file_is_the_same_as_one_given_as_text() {
 }
 
 #[test]
+fn a_plan_with_unknown_cells_at_its_beginning_loses_no_line() {
+    let plan = |start: &str, first: &str| {
+        Header::parse(&format!(
+            "resolution: 0.25\nplan: |{start}\n  {first}\n  ######\n  #....#\n  ######\norigin: [0, 0, 0]\n"
+        ))
+    };
+    let rows = |header: Header| Map::parse(&header, &[]).unwrap().rows();
+    let refusal = plan("", "  ####").unwrap_err();
+    assert!(refusal.message.contains("ended before"), "{refusal}");
+    assert_eq!(refusal.span.len(), "  ######".len());
+    assert_eq!(rows(plan("2", "  ####").unwrap()), 4);
+    assert_eq!(rows(plan("", "??####").unwrap()), 4);
+    let with_comments =
+        "resolution: 1 # a comment\nplan: |\n  ###\n  #.#\n# a comment\nnegate: 0 # 1\n";
+    assert_eq!(rows(Header::parse(with_comments).unwrap()), 2);
+}
+
+#[test]
+fn cells_off_the_map_have_no_place() {
+    let far = Cell {
+        column: usize::MAX,
+        row: usize::MAX,
+    };
+    assert_eq!(room().index(far), None);
+    assert_eq!(room().state(far), State::Unknown);
+}
+
+#[test]
 fn rays_end_at_the_edge_of_the_first_cell_that_is_not_free() {
     let map = room();
     let from = MapXy::new(1.0, 1.25);

@@ -27,6 +27,8 @@ const NEIGHBOURS: [(i64, i64, u32); 8] = [
 pub struct Search {
     start: Cell,
     goal: Cell,
+    /// Where the way begins and ends, in these cells.
+    ends: (MapXy, MapXy),
     columns: i64,
     rows: i64,
     /// Cells to expand, by the least cost of a way through them; index of the cell in the low half.
@@ -49,13 +51,14 @@ pub enum Found {
 }
 
 impl Search {
-    /// A search from one cell to another of a floor. Either may be a cell where the drone can't be; then there is no way.
+    /// A search from the centre of one cell to that of another of a floor. Either may be a cell where the drone can't be; then there is no way.
     #[must_use]
     pub fn new(floor: &Floor, start: Cell, goal: Cell) -> Self {
         let map = floor.map();
         let mut search = Self {
             start,
             goal,
+            ends: (map.centre(start), map.centre(goal)),
             columns: map.columns() as i64,
             rows: map.rows() as i64,
             open: BinaryHeap::new(),
@@ -126,17 +129,22 @@ impl Search {
         STRAIGHT * (more - less) + DIAGONAL * less
     }
 
-    /// The cells of the way that was found, from the start.
-    fn way(&self, floor: &Floor) -> Vec<Cell> {
-        let mut cells = vec![self.goal];
+    /// The way that was found: its ends, and the centres of the cells between.
+    fn way(&self, floor: &Floor) -> Vec<MapXy> {
+        let (from, to) = self.ends;
+        let mut points = vec![to];
         let mut at = self.index(self.goal);
         while at != self.index(self.start) {
             let (dx, dy, _) = NEIGHBOURS[usize::from(self.by[at])];
             at = (at as i64 - dy * self.columns - dx) as usize;
-            cells.push(floor.cell(at));
+            points.push(floor.map().centre(floor.cell(at)));
         }
-        cells.reverse();
-        cells
+        match points.len() {
+            1 if from != to => points.push(from),
+            last => points[last - 1] = from,
+        }
+        points.reverse();
+        points
     }
 }
 
@@ -146,7 +154,9 @@ impl Floor {
     #[must_use]
     pub fn way(&self, from: MapXy, to: MapXy) -> Option<Vec<MapXy>> {
         let (start, goal) = (self.map().cell(from)?, self.map().cell(to)?);
-        match Search::new(self, start, goal).advance(self, usize::MAX) {
+        let mut search = Search::new(self, start, goal);
+        search.ends = (from, to);
+        match search.advance(self, usize::MAX) {
             Found::Way(corners) => Some(corners),
             Found::NotYet | Found::Nothing => None,
         }

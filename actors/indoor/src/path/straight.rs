@@ -1,21 +1,18 @@
-//! Straight legs instead of cells: corners of a way are left out as long as that costs no more (string pulling).
+//! Straight legs instead of cells: corners of a way are left out as long as that costs hardly more (string pulling).
 
 use super::STRAIGHT;
 use super::floor::Floor;
 use crate::frames::MapXy;
-use crate::map::Cell;
 
 /// Cells along a leg at which its cost is looked up.
 const PER_CELL: f64 = 2.0;
 /// Share by which a straight leg may cost more than the cells that it replaces: these can turn by 45° only.
 const DEARER: f64 = 1.05;
 
-/// The corners of the legs that replace a way of cells.
+/// The corners of the legs that replace a way from cell to cell, with the same ends.
 ///
 /// Corners are left out from the front, each time the most by doubling and halving: a way of n cells takes about n · log n.
-pub(super) fn legs(floor: &Floor, cells: &[Cell]) -> Vec<MapXy> {
-    let map = floor.map();
-    let points: Vec<MapXy> = cells.iter().map(|cell| map.centre(*cell)).collect();
+pub(super) fn legs(floor: &Floor, points: &[MapXy]) -> Vec<MapXy> {
     let mut spent = vec![0.0];
     for pair in points.windows(2) {
         let so_far = spent[spent.len() - 1];

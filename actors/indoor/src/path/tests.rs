@@ -73,6 +73,7 @@ fn a_paused_search_finds_the_same_way() {
     let floor = Floor::new(map(ROOMS), 0.1);
     let (from, to) = (MapXy::new(0.6, 0.6), MapXy::new(4.5, 1.6));
     let cell = |point| floor.map().cell(point).unwrap();
+    let (from, to) = (floor.map().centre(cell(from)), floor.map().centre(cell(to)));
     let mut search = Search::new(&floor, cell(from), cell(to));
     let mut pauses = 0;
     let found = loop {
@@ -108,4 +109,15 @@ fn obstacles_are_bounded_and_the_oldest_goes() {
     }
     assert!(!obstacles.cover(MapXy::new(0.0, 0.0)));
     assert!(obstacles.cover(MapXy::new(Obstacles::MAX as f64, 0.0)));
+}
+
+#[test]
+fn a_way_begins_and_ends_where_it_was_asked_to() {
+    let floor = Floor::new(map(ROOMS), 0.1);
+    let (from, to) = (MapXy::new(0.61, 0.63), MapXy::new(4.52, 1.58));
+    let way = floor.way(from, to).unwrap();
+    assert_eq!((way[0], way[way.len() - 1]), (from, to));
+    let beside = MapXy::new(0.62, 0.62);
+    assert_eq!(floor.way(from, beside), Some(vec![from, beside]));
+    assert_eq!(floor.way(from, from), Some(vec![from]));
 }

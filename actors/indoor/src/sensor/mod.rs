@@ -9,7 +9,7 @@ mod tests;
 use std::time::Duration;
 
 pub use laser::{LaserModel, TofModel};
-pub use schedule::{Firing, Schedule, ScheduleError};
+pub use schedule::{ECHO_MAX, Schedule, ScheduleError, Turns};
 pub use sonar::{Ping, Reflector, SonarModel, Surfaces};
 
 use crate::reading::Reading;
@@ -22,7 +22,8 @@ pub trait Source {
     /// Why nothing can be read any more.
     type Error: std::error::Error;
 
-    /// Appends the readings that are there at `now`, a time since the origin of the drone's clock. Never waits.
+    /// Appends the readings that are there at `now`, a time since the origin of the drone's clock. Waits at most a
+    /// millisecond.
     ///
     /// # Errors
     /// If the sensor is gone. What it measured wrong is a reading that failed, and no error.

@@ -51,28 +51,75 @@ fn heard(surface: Reflector, pose: MapPose) -> Echo {
     exact().measure(&room(), &|_| surface, pose, &sonar(0.0), &[], &mut rng)
 }
 
-#[test]
-fn every_sonar_of_the_thesis_fires_eight_times_a_second() {
-    let schedule = Schedule::new(&axes_rad(), 8.0).unwrap();
-    let mut fired = [0; 6];
-    let mut time = Duration::ZERO;
-    while time < Duration::from_secs(10) {
-        let firing = schedule.next(time);
-        schedule
-            .group(firing.group)
-            .iter()
-            .for_each(|sonar| fired[*sonar] += 1);
-        time = firing.at + Duration::from_nanos(1);
+/// When each of the thesis's sonars fires in ten seconds at 8 Hz, if it is asked for at `times`.
+fn firings(times: impl Iterator<Item = Duration>) -> Vec<Vec<Duration>> {
+    let mut turns = Turns::new(Schedule::new(&axes_rad(), 8.0).unwrap());
+    let mut fired = vec![Vec::new(); 6];
+    for now in times.take_while(|it| *it < Duration::from_secs(10)) {
+        for sonar in turns.next(now).unwrap_or_default() {
+            fired[*sonar].push(now);
+        }
     }
-    assert!(fired.iter().all(|times| *times >= 80), "{fired:?}");
+    fired
+}
+
+fn every(millis: u64) -> impl Iterator<Item = Duration> {
+    (0..).map(move |step| Duration::from_millis(millis * step))
+}
+
+#[test]
+fn every_sonar_fires_eight_times_a_second_if_it_is_asked_for_a_little_late() {
+    for millis in [1, 3, 5, 7] {
+        let fired = firings(every(millis));
+        assert!(
+            fired.iter().all(|it| (79..=81).contains(&it.len())),
+            "{millis} ms: {:?}",
+            fired.iter().map(Vec::len).collect::<Vec<_>>()
+        );
+    }
+}
+
+#[test]
+fn polls_slower_than_the_turns_starve_no_sonar() {
+    for millis in [10, 20, 45, 63, 84, 125, 500] {
+        let fired = firings(every(millis));
+        let number = |times: &Vec<Duration>| times.len();
+        let (least, most) = (
+            fired.iter().map(number).min().unwrap(),
+            fired.iter().map(number).max().unwrap(),
+        );
+        assert!(
+            least > 0 && most - least <= 1,
+            "{millis} ms: {least} to {most}"
+        );
+    }
+}
+
+#[test]
+fn after_a_stall_no_group_hears_the_one_before() {
+    let stalled = every(1).filter(|it| !(2_000..2_900).contains(&it.as_millis()));
+    let mut times: Vec<Duration> = firings(stalled).concat();
+    times.sort();
+    times.dedup();
+    let heard = Duration::from_secs_f64(8.0 / SOUND_MPS);
+    assert!(times.windows(2).all(|pair| pair[1] - pair[0] >= heard));
+    let first = times.iter().position(|it| it.as_millis() >= 2_900).unwrap();
+    assert_eq!(times[first].as_millis(), 2_900);
+    assert!(times[first + 32].as_millis() <= 2_900 + 1_000);
 }
 
 #[test]
 fn faster_turns_than_echoes_are_refused() {
     assert!(matches!(
         Schedule::new(&axes_rad(), 20.0),
-        Err(ScheduleError::TooFast { .. })
+        Err(ScheduleError::TooFast { groups: 4, .. })
     ));
+    // The line of a single sonar is high for 45 ms, longer than its ping is heard.
+    let Err(ScheduleError::TooFast { fastest_hz, .. }) = Schedule::new(&[Some(0.0)], 30.0) else {
+        panic!("a line that is still high")
+    };
+    assert!((fastest_hz - 1.0 / 0.045).abs() < 1e-9, "{fastest_hz}");
+    assert!(Schedule::new(&[Some(0.0)], 22.0).is_ok());
     assert_eq!(Schedule::new(&[], 8.0), Err(ScheduleError::Empty));
     assert_eq!(
         Schedule::new(&axes_rad(), f64::NAN),
@@ -246,7 +293,9 @@ fn lasers_measure_along_each_beam_and_rangefinders_the_mean_of_their_view() {
         .iter()
         .filter_map(|reading| reading.range_m(now))
         .collect();
-    for (range_m, expected) in ranges.iter().zip([1.95, 1.95, 2.95]) {
+    let expected = [1.95, 1.95, 2.95];
+    assert_eq!(ranges.len(), expected.len());
+    for (range_m, expected) in ranges.iter().zip(expected) {
         assert!((range_m - expected).abs() < 1e-6, "{ranges:?}");
     }
     assert_eq!(scan[0].range_m(now + laser.expiry), None, "expired");

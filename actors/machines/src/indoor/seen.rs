@@ -51,6 +51,25 @@ impl Seen {
         *word |= bit;
     }
 
+    /// The set, 64 targets a word, the first of them the lowest bit.
+    #[must_use]
+    pub fn words(&self) -> &[u64] {
+        &self.bits
+    }
+
+    /// Adds the targets of a word, at its place among [`Self::words`].
+    pub fn add_word(&mut self, place: usize, word: u64) {
+        let have = &mut self.bits[place];
+        self.len += (word & !*have).count_ones() as usize;
+        *have |= word;
+    }
+
+    /// Empties the set.
+    pub fn clear(&mut self) {
+        self.bits.fill(0);
+        self.len = 0;
+    }
+
     /// Adds all of another set of the same targets.
     pub fn add(&mut self, other: &Self) {
         for (word, more) in self.bits.iter_mut().zip(&other.bits) {

@@ -7,8 +7,6 @@ use muster_indoor::sensor::SOUND_MPS;
 
 /// The echo line stays high for 38 ms if nothing comes back. Source: *HC-SR04 User Guide*, timing diagram.
 const SILENCE: Duration = Duration::from_millis(38);
-/// How long after the ping the line may take to end its echo: 38 ms, and the start of the ping itself.
-pub(super) const ECHO_MAX: Duration = Duration::from_millis(45);
 
 /// A change of an echo line.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

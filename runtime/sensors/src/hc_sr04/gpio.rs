@@ -6,10 +6,11 @@ use std::time::Duration;
 
 use gpiocdev::Request;
 use gpiocdev::line::{EdgeDetection, EdgeKind, Value};
-use muster_indoor::reading::{Echo, Mounting, Reading};
-use muster_indoor::sensor::{Schedule, ScheduleError, Source};
+use muster_indoor::reading::{Mounting, Reading};
+use muster_indoor::sensor::{Schedule, ScheduleError, Source, Turns};
 
-use super::edges::{ECHO_MAX, EchoTimer, Edge};
+use super::edges::Edge;
+use super::sonar::{Counts, Sonar};
 
 /// Length of a trigger; at least 10 µs. Source: *HC-SR04 User Guide*.
 const TRIGGER: Duration = Duration::from_micros(12);
@@ -45,20 +46,11 @@ pub enum OpenError {
 /// Sonars on the lines of a chip.
 #[derive(Debug)]
 pub struct Hcsr04 {
-    sonars: Vec<Sonar>,
-    schedule: Schedule,
+    sonars: Vec<(Wiring, Sonar)>,
+    turns: Turns,
+    counts: Counts,
     triggers: Request,
     echoes: Request,
-    /// When the next group is due; `None` before the first.
-    next: Option<Duration>,
-}
-
-#[derive(Debug)]
-struct Sonar {
-    wiring: Wiring,
-    timer: EchoTimer,
-    /// When it was fired, if its echo has not ended.
-    fired: Option<Duration>,
 }
 
 impl Hcsr04 {
@@ -84,18 +76,20 @@ impl Hcsr04 {
             .as_input()
             .with_edge_detection(EdgeDetection::BothEdges)
             .request()?;
-        let sonar = |wiring: &Wiring| Sonar {
-            wiring: *wiring,
-            timer: EchoTimer::default(),
-            fired: None,
-        };
+        let sonar = |wiring: &Wiring| (*wiring, Sonar::new(wiring.mounting));
         Ok(Self {
             sonars: wirings.iter().map(sonar).collect(),
-            schedule,
+            turns: Turns::new(schedule),
+            counts: Counts::default(),
             triggers,
             echoes,
-            next: None,
         })
+    }
+
+    /// What came of the pings so far.
+    #[must_use]
+    pub fn counts(&self) -> Counts {
+        self.counts
     }
 
     /// Sends the edges that came to their sonars.
@@ -105,12 +99,14 @@ impl Hcsr04 {
                 break;
             }
             let event = self.echoes.read_edge_event()?;
+            let edge = Edge {
+                at: Duration::from_nanos(event.timestamp_ns),
+                is_rising: event.kind == EdgeKind::Rising,
+            };
             let mut sonars = self.sonars.iter_mut();
-            if let Some(sonar) = sonars.find(|sonar| sonar.wiring.echo == event.offset) {
-                sonar.timer.edge(Edge {
-                    at: Duration::from_nanos(event.timestamp_ns),
-                    is_rising: event.kind == EdgeKind::Rising,
-                });
+            match sonars.find(|(wiring, _)| wiring.echo == event.offset) {
+                Some((_, sonar)) => sonar.edge(edge, &mut self.counts),
+                None => self.counts.stray += 1,
             }
         }
         Ok(())
@@ -118,54 +114,34 @@ impl Hcsr04 {
 
     /// Fires the group that is due.
     fn fire(&mut self, now: Duration) -> Result<(), gpiocdev::Error> {
-        let due = *self.next.get_or_insert(now);
-        if now < due {
+        let Some(group) = self.turns.next(now) else {
             return Ok(());
-        }
-        let firing = self.schedule.next(due);
-        // After a stall, missed turns are skipped.
-        self.next = Some(firing.at.max(now) + self.schedule.slot());
-        for sonar in self.schedule.group(firing.group) {
-            let sonar = &mut self.sonars[*sonar];
-            sonar.timer.restart();
-            sonar.fired = Some(now);
-            self.triggers
-                .set_value(sonar.wiring.trigger, Value::Active)?;
+        };
+        for sonar in group {
+            let (wiring, sonar) = &mut self.sonars[*sonar];
+            sonar.fire(now);
+            self.triggers.set_value(wiring.trigger, Value::Active)?;
         }
         thread::sleep(TRIGGER);
-        for sonar in self.schedule.group(firing.group) {
-            let trigger = self.sonars[*sonar].wiring.trigger;
+        for sonar in group {
+            let trigger = self.sonars[*sonar].0.trigger;
             self.triggers.set_value(trigger, Value::Inactive)?;
         }
         Ok(())
     }
 }
 
-impl Sonar {
-    /// The reading, once it is there or no longer to be expected.
-    fn reading(&mut self, now: Duration, used: Duration) -> Option<Reading> {
-        let fired = self.fired?;
-        let is_overdue = now.saturating_sub(fired) > ECHO_MAX;
-        let echo = self.timer.echo().or(is_overdue.then_some(Echo::Failed))?;
-        self.fired = None;
-        Some(Reading {
-            mounting: self.wiring.mounting,
-            echo,
-            taken: fired,
-            expires: fired + used,
-        })
-    }
-}
-
 impl Source for Hcsr04 {
     type Error = gpiocdev::Error;
 
-    /// Fires the sonars that are due, too: call it at least once in a [`Schedule::slot`].
+    /// Fires the sonars that are due, too: call it at least once in a [`Schedule::slot`]. Waits as long as a trigger, 12 µs, and
+    /// as the system's timer is late.
     fn read(&mut self, now: Duration, readings: &mut Vec<Reading>) -> Result<(), Self::Error> {
         self.take_edges()?;
-        let used = Duration::from_secs_f64(TURNS_USED / self.schedule.rate_hz());
+        let used = Duration::from_secs_f64(TURNS_USED / self.turns.schedule().rate_hz());
         let sonars = self.sonars.iter_mut();
-        readings.extend(sonars.filter_map(|sonar| sonar.reading(now, used)));
+        let counts = &mut self.counts;
+        readings.extend(sonars.filter_map(|(_, sonar)| sonar.reading(now, used, counts)));
         self.fire(now)
     }
 }

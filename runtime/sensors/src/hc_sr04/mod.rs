@@ -2,6 +2,8 @@
 
 mod edges;
 mod gpio;
+mod sonar;
 
 pub use edges::{EchoTimer, Edge};
 pub use gpio::{Hcsr04, OpenError, Wiring};
+pub use sonar::Counts;

@@ -6,6 +6,8 @@ use crc::{Algorithm, Crc};
 
 /// Bytes of a packet.
 pub const PACKET_SIZE: usize = 47;
+/// The lidar's clock begins again after so many milliseconds. Source: the manual, section 3.2.
+pub(super) const CLOCK_MS: u16 = 30_000;
 /// Ranges of a packet.
 const POINTS: usize = 12;
 /// First byte of a packet, and the kind with twelve ranges.
@@ -39,7 +41,7 @@ pub struct Point {
 pub struct Packet {
     /// Degrees a second.
     pub speed_dps: u16,
-    /// Milliseconds of the lidar's clock, up to 30,000.
+    /// Milliseconds of the lidar's clock, up to 30,000; then it begins again.
     pub time_ms: u16,
     /// In the order of their angles.
     pub points: [Point; POINTS],
@@ -50,7 +52,7 @@ pub struct Packet {
 pub struct Counts {
     /// Packets.
     pub packets: u64,
-    /// Bytes that look like the start of a packet, with a wrong checksum or angles beyond a turn.
+    /// Bytes that look like the start of a packet, with a wrong checksum, angles beyond a turn or a time that is none.
     pub bad: u64,
     /// Bytes outside of packets.
     pub skipped: u64,
@@ -122,7 +124,8 @@ fn parse(bytes: &[u8]) -> Option<Packet> {
     }
     let word = |at: usize| u16::from_le_bytes([content[at], content[at + 1]]);
     let (first, last) = (u32::from(word(4)), u32::from(word(42)));
-    if first > 36_000 || last > 36_000 {
+    let time_ms = word(44);
+    if first > 36_000 || last > 36_000 || time_ms > CLOCK_MS {
         return None;
     }
     // Past a full turn, angles begin again.
@@ -138,7 +141,7 @@ fn parse(bytes: &[u8]) -> Option<Packet> {
     };
     Some(Packet {
         speed_dps: word(2),
-        time_ms: word(44),
+        time_ms,
         points: std::array::from_fn(point),
     })
 }

@@ -2,6 +2,7 @@
 
 mod decoder;
 mod port;
+mod readings;
 
 pub use decoder::{Counts, Decoder, PACKET_SIZE, Packet, Point};
 pub use port::Ld19;

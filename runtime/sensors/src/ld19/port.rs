@@ -4,22 +4,21 @@ use std::io;
 use std::path::Path;
 use std::time::Duration;
 
-use muster_indoor::reading::{Echo, Mounting, Reading};
+use muster_indoor::reading::{Mounting, Reading};
 use muster_indoor::sensor::Source;
 use serial2::SerialPort;
 
-use super::decoder::{Counts, Decoder, Packet};
+use super::decoder::{Counts, Decoder};
+use super::readings;
 
 /// Speed of the port. Source: *LD19 Development Manual*, section 3.1.
 const BAUD: u32 = 230_400;
 /// How long a read waits if nothing is there: the shortest that the system's timer can.
 const WAIT: Duration = Duration::from_millis(1);
-/// Most bytes of a read: a third of a second at 4,500 ranges a second. More waits for the next read.
+/// Most bytes of a read: 0.46 s at 4,500 ranges a second. More waits for the next read.
 const BYTES_MAX: usize = 8_192;
-/// Two turns at 10 Hz.
-const USED: Duration = Duration::from_millis(200);
-/// Weaker echoes are mostly dust and edges.
-const CONFIDENCE_MIN: u8 = 15;
+/// Most bytes that the system hands out at once are twice as many. After so many there may be more, and newer ones.
+const MORE: usize = 2_048;
 
 /// An LD06 or LD19 on a serial port.
 #[derive(Debug)]
@@ -57,41 +56,37 @@ impl Source for Ld19 {
     /// Waits at most a millisecond.
     fn read(&mut self, now: Duration, readings: &mut Vec<Reading>) -> io::Result<()> {
         let mut bytes = [0; BYTES_MAX];
-        let length = match self.port.read(&mut bytes) {
-            Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
-            Ok(length) => length,
-            Err(error) if is_nothing(&error) => return Ok(()),
-            Err(error) => return Err(error),
-        };
-        let mounting = self.mounting;
-        self.decoder.feed(&bytes[..length], |packet| {
-            readings.extend(of_packet(&packet, mounting, now));
-        });
+        let length = self.take(&mut bytes)?;
+        let mut packets = Vec::new();
+        self.decoder
+            .feed(&bytes[..length], |packet| packets.push(packet));
+        readings.extend(readings::of_packets(&packets, self.mounting, now));
         Ok(())
+    }
+}
+
+impl Ld19 {
+    /// Reads what is there; how many bytes that were.
+    fn take(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let mut length = 0;
+        while length < bytes.len() {
+            match self.port.read(&mut bytes[length..]) {
+                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(more) => {
+                    length += more;
+                    if more < MORE {
+                        break;
+                    }
+                }
+                Err(error) if is_nothing(&error) => break,
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(length)
     }
 }
 
 fn is_nothing(error: &io::Error) -> bool {
     use io::ErrorKind::{Interrupted, TimedOut, WouldBlock};
     matches!(error.kind(), Interrupted | TimedOut | WouldBlock)
-}
-
-fn of_packet(packet: &Packet, mounting: Mounting, now: Duration) -> impl Iterator<Item = Reading> {
-    packet.points.into_iter().map(move |point| {
-        let clockwise_rad = (f64::from(point.angle_cdeg) / 100.0).to_radians();
-        Reading {
-            mounting: Mounting {
-                bearing_rad: mounting.bearing_rad - clockwise_rad,
-                aperture_rad: 0.0,
-                ..mounting
-            },
-            echo: match point.range_mm {
-                0 => Echo::Silence,
-                _ if point.confidence < CONFIDENCE_MIN => Echo::Failed,
-                range_mm => Echo::At(f64::from(range_mm) / 1_000.0),
-            },
-            taken: now,
-            expires: now + USED,
-        }
-    })
 }
