@@ -81,7 +81,16 @@ impl Setup {
         }
     }
 
-    /// The same route without noise and people: what a patrol's time is compared with.
+    /// The same route among the same people without noise: what a patrol's time is compared with.
+    #[must_use]
+    pub fn exact(seed: u64) -> Self {
+        Self {
+            noise: false,
+            ..Self::seeded(seed)
+        }
+    }
+
+    /// The same route without noise and people.
     #[must_use]
     pub const fn undisturbed() -> Self {
         Self {

@@ -140,8 +140,8 @@ impl Flight {
             Order::Fly { to, left_m } => {
                 let seen = place.pose().sight(*to);
                 let watches = sonars.watches(now);
-                let Some(leading_rad) = sonars.leading_rad() else {
-                    return turn(0.0);
+                let Some(leading_rad) = sonars.leading_rad(now) else {
+                    return turn(LOOK_RPS);
                 };
                 let Some((direction_rad, speed_mps)) =
                     self.steer(config, place, (leading_rad, seen))

@@ -50,6 +50,8 @@ pub enum Event {
     Sonar(SonarChange),
     /// A stop can't be reached.
     GivenUp(MapXy),
+    /// No sonar works any more: the drone ends the patrol and lands where it is.
+    Landing,
 }
 
 /// From where a restarted patrol goes on. It has no particles: they are drawn again around the pose.

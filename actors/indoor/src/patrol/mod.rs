@@ -15,6 +15,7 @@ mod sonars;
 mod tests;
 
 use std::collections::VecDeque;
+use std::time::Duration;
 
 use muster_machines::machine::{Machine, Output};
 use muster_machines::time::Timestamp;
@@ -33,6 +34,8 @@ use crate::reading::Reading;
 
 /// Most readings that wait for the next step; the oldest goes first.
 const READINGS_MAX: usize = 64;
+/// A drone that no sonar leads turns to find something that echoes: a full turn takes 7 s. After so long it lands.
+const LANDS_AFTER: Duration = Duration::from_secs(10);
 
 /// A patrol of one drone.
 #[derive(Debug)]
@@ -45,6 +48,9 @@ pub struct Patrol {
     seen: Seen,
     readings: VecDeque<Reading>,
     next: Timestamp,
+    /// When a sonar last worked.
+    heard: Timestamp,
+    has_landed: bool,
     outbox: VecDeque<Output<Transmit, Event>>,
 }
 
@@ -62,6 +68,8 @@ impl Patrol {
             seen,
             readings: VecDeque::new(),
             next: now + PERIOD,
+            heard: now,
+            has_landed: false,
             outbox: VecDeque::new(),
             config,
         }
@@ -95,7 +103,11 @@ impl Patrol {
                 .targets()
                 .look(map, pose, view, &mut self.seen);
         }
-        let order = self.route.next(now, &self.config, &self.place, &self.seen);
+        let order = if self.lands(now) {
+            Order::Done
+        } else {
+            self.route.next(now, &self.config, &self.place, &self.seen)
+        };
         if let Order::GiveUp(stop) = order {
             self.event(Event::GivenUp(stop));
         }
@@ -108,6 +120,17 @@ impl Patrol {
         self.outbox
             .push_back(Output::Transmit(Transmit::Velocity(velocity)));
         self.report(order == Order::Done);
+    }
+
+    /// Whether the drone ends the patrol where it is: no sonar has worked for [`LANDS_AFTER`], though it turned.
+    fn lands(&mut self, now: Timestamp) -> bool {
+        if self.sonars.leading_rad(now).is_some() {
+            self.heard = now;
+        } else if !self.has_landed && now.since(self.heard) >= LANDS_AFTER {
+            self.has_landed = true;
+            self.event(Event::Landing);
+        }
+        self.has_landed
     }
 
     fn report(&mut self, is_done: bool) {
