@@ -94,7 +94,7 @@ impl Patrol {
             .collect();
         self.place.step(now, &trusted);
         self.flight
-            .sense(&self.config, &self.place, &trusted, before);
+            .sense(&self.config, &self.place, &self.sonars, (&trusted, before));
         let pose = self.place.pose();
         if !self.place.is_lost() {
             let (map, view) = (self.config.floor.map(), self.config.view);

@@ -13,8 +13,8 @@ use crate::reading::{Echo, Mounting, Reading};
 
 /// A sonar that says nothing for so long is dead.
 const DEAD_AFTER: Duration = Duration::from_millis(800);
-/// Implausible readings in a row that make a sonar fail: 1.2 s at 8 Hz.
-const IMPLAUSIBLE_MAX: u32 = 10;
+/// Signs of one fault without an echo between that make a sonar fail: 0.75 s at 8 Hz.
+const SIGNS_MAX: u32 = 6;
 /// Echoes after the last sign of a fault that make a failed sonar be believed again: 3 s at 8 Hz.
 const ECHOES_MIN: u32 = 24;
 /// After so long without an echo, silence of a sonar is no free way: less than the 2 s within which a fault must be found.
@@ -102,7 +102,12 @@ impl Sonars {
     /// Whether a reading is of a sonar that works.
     pub(super) fn is_trusted(&self, reading: &Reading) -> bool {
         let of = self.all.iter().find(|it| it.mounting == reading.mounting);
-        of.is_some_and(|sonar| sonar.fault.is_none() && sonar.suspect.1 < IMPLAUSIBLE_MAX / 2)
+        of.is_some_and(|sonar| sonar.fault.is_none() && sonar.suspect.1 < SIGNS_MAX / 2)
+    }
+
+    /// Whether a sonar fails.
+    pub(super) fn has_fault(&self) -> bool {
+        self.all.iter().any(|sonar| sonar.fault.is_some())
     }
 
     /// The last words of the sonars that work, as far as they are valid.
@@ -152,7 +157,7 @@ impl Sonar {
             }
             Sign::Nothing => {}
         }
-        if self.suspect.1 >= IMPLAUSIBLE_MAX {
+        if self.suspect.1 >= SIGNS_MAX {
             self.fault = self.suspect.0;
         } else if self.echoes >= ECHOES_MIN {
             self.fault = None;
