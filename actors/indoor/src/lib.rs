@@ -8,6 +8,7 @@ pub mod log;
 pub mod map;
 pub mod path;
 pub mod patrol;
+pub mod random;
 pub mod refusal;
 pub mod sensor;
 

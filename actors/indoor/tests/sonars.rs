@@ -9,11 +9,12 @@ use std::time::Duration;
 use muster_indoor::filter::{Config, Filter, Moved, Tables};
 use muster_indoor::frames::{BodyXy, MapPose, MapXy, Motion, wrapped_rad};
 use muster_indoor::map::Map;
+use muster_indoor::random::normal;
 use muster_indoor::reading::{Mounting, Reading};
-use muster_indoor::sensor::{Reflector, SonarModel};
+use muster_indoor::sensor::{Reflector, Room, SonarModel};
 use nalgebra::{Matrix3, Vector3};
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::{Rng, SeedableRng};
+use rand_chacha::rand_core::SeedableRng;
 
 /// 9.6 m × 5.8 m, a character for 20 cm.
 const FLAT: &str = "
@@ -100,9 +101,9 @@ impl Drone {
         };
         self.pose = self.pose.moved(motion);
         Motion {
-            forward_m: forward_m * (1.0 + 0.05 * self.normal()),
-            left_m: 0.05 * forward_m * self.normal(),
-            turn_rad: turn_rad + 0.009 * self.normal(),
+            forward_m: forward_m * (1.0 + 0.05 * normal(&mut self.rng)),
+            left_m: 0.05 * forward_m * normal(&mut self.rng),
+            turn_rad: turn_rad + 0.009 * normal(&mut self.rng),
         }
     }
 
@@ -116,14 +117,12 @@ impl Drone {
                 range_min_m: 0.05,
                 range_max_m: 4.0,
             };
-            let echo = model.measure(
+            let room = Room {
                 map,
-                &|_| Reflector::Rough,
-                self.pose,
-                &mounting,
-                &[],
-                &mut self.rng,
-            );
+                surfaces: &|_| Reflector::Rough,
+                discs: &[],
+            };
+            let echo = model.measure(room, self.pose, &mounting, &[], &mut self.rng);
             Reading {
                 mounting,
                 echo,
@@ -132,13 +131,6 @@ impl Drone {
             }
         };
         [-90.0, -37.0, 0.0, 37.0, 90.0].map(reading).to_vec()
-    }
-
-    fn normal(&mut self) -> f64 {
-        let sum: f64 = (0..12)
-            .map(|_| f64::from(self.rng.next_u32()) / f64::from(u32::MAX))
-            .sum();
-        sum - 6.0
     }
 }
 

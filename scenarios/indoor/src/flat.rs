@@ -18,7 +18,12 @@ pub const PEOPLE_MAX: usize = 50;
 const CHARACTER_M: (f64, f64) = (CELL_M, 2.0);
 
 /// Name and text of each shipped flat.
-const SHIPPED: [(&str, &str); 1] = [("flat", include_str!("../flats/flat.toml"))];
+const SHIPPED: [(&str, &str); 4] = [
+    ("flat", include_str!("../flats/flat.toml")),
+    ("corridor", include_str!("../flats/corridor.toml")),
+    ("ell", include_str!("../flats/ell.toml")),
+    ("office", include_str!("../flats/office.toml")),
+];
 
 const FORMAT: FileFormat = FileFormat {
     fields: FieldList::EMPTY,
@@ -163,9 +168,15 @@ impl Flat {
         for person in &raw.people {
             let RawWalk { speed_mps, way } = person.get_ref();
             let way: Vec<MapXy> = way.iter().map(|[x, y]| MapXy::new(*x, *y)).collect();
-            let is_walk = way.len() >= 2 && way.iter().all(|it| is_free(*it));
+            let is_leg = |leg: &[MapXy]| {
+                let (bearing_rad, length_m) =
+                    (leg[0].bearing_rad(leg[1]), leg[0].distance_m(leg[1]));
+                map.cast(leg[0], bearing_rad, length_m).is_none()
+            };
+            let is_walk =
+                way.len() >= 2 && way.iter().all(|it| is_free(*it)) && way.windows(2).all(is_leg);
             if !is_walk || !(0.1..=3.0).contains(speed_mps) {
-                let help = "`way` has two places inside at least, `speed_mps` is from 0.1 to 3";
+                let help = "`way` has two places inside at least, straight legs without walls between; `speed_mps` is from 0.1 to 3";
                 return Err(file.error_with(person.span(), "nobody can walk so", help));
             }
             people.push(Walk {

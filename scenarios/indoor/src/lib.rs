@@ -5,11 +5,10 @@
 pub mod campaign;
 pub mod compare;
 pub mod engine;
+mod failing;
 pub mod flat;
-mod noise;
 pub mod page;
 mod people;
 mod robot;
 mod rule;
-mod sonar;
 pub mod world;

@@ -104,7 +104,7 @@ pub fn patrol(prepared: &Prepared, campaign: &Campaign, first: &Outcome, command
         }
         div.cards {
             (card("Patrols", &figure(campaign.rows.len() as f64, 0), ""))
-            (card("Undisturbed patrol", &figure(campaign.undisturbed_s, 1), "s"))
+            (card("Without noise and people", &figure(campaign.undisturbed_s, 1), "s"))
             div.card.{ @if failed == 0 { "good" } @else { "bad" } } {
                 p { "Touched, blind or incomplete" }
                 p.value { @if failed == 0 { "✓ none" } @else { "✕ " (figure(failed as f64, 0)) } }

@@ -1,9 +1,11 @@
 //! People who walk to and fro. They stop before a drone, and turn back if it stays in their way.
 
 use muster_indoor::frames::MapXy;
+use muster_indoor::random::uniform;
+use muster_indoor::sensor::Disc;
+use rand_chacha::ChaCha8Rng;
 
 use crate::flat::Walk;
-use crate::noise::Noise;
 
 /// Radius of a person, in metres.
 pub(crate) const RADIUS_M: f64 = 0.2;
@@ -29,16 +31,24 @@ pub(crate) struct Person {
 
 impl Person {
     /// Somewhere on the way.
-    pub(crate) fn new(walk: &Walk, noise: &mut Noise) -> Self {
-        let along_m = noise.uniform() * length_m(&walk.way);
+    pub(crate) fn new(walk: &Walk, rng: &mut ChaCha8Rng) -> Self {
+        let along_m = uniform(rng) * length_m(&walk.way);
         Self {
-            speed_mps: walk.speed_mps * (1.0 + SPREAD * (2.0 * noise.uniform() - 1.0)),
+            speed_mps: walk.speed_mps * (1.0 + SPREAD * (2.0 * uniform(rng) - 1.0)),
             at: point_at(&walk.way, along_m),
             walk: walk.clone(),
             along_m,
-            forward: noise.uniform() < 0.5,
+            forward: uniform(rng) < 0.5,
             stopped_s: 0.0,
             velocity: (0.0, 0.0),
+        }
+    }
+
+    /// What sonars hear of the person.
+    pub(crate) const fn disc(&self) -> Disc {
+        Disc {
+            at: self.at,
+            radius_m: RADIUS_M,
         }
     }
 

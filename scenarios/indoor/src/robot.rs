@@ -2,8 +2,8 @@
 
 use muster_indoor::frames::{MapPose, Motion};
 use muster_indoor::patrol::Velocity;
-
-use crate::noise::Noise;
+use muster_indoor::random::normal;
+use rand_chacha::ChaCha8Rng;
 
 /// Highest change of the turn rate, in rad/s².
 const TURN_ACCELERATION_RPS2: f64 = 8.0;
@@ -30,18 +30,18 @@ pub(crate) struct Robot {
 
 #[derive(Debug, Clone)]
 struct Odometry {
-    noise: Noise,
+    rng: ChaCha8Rng,
     scale: f64,
     drift_rps: f64,
 }
 
 impl Robot {
     /// At rest; its odometry errs if `noise` is given.
-    pub(crate) fn new(pose: MapPose, acceleration_mps2: f64, noise: Option<Noise>) -> Self {
-        let odometry = noise.map(|mut noise| Odometry {
-            scale: 1.0 + SCALE * noise.normal(),
-            drift_rps: DRIFT_RPS * noise.normal(),
-            noise,
+    pub(crate) fn new(pose: MapPose, acceleration_mps2: f64, noise: Option<ChaCha8Rng>) -> Self {
+        let odometry = noise.map(|mut rng| Odometry {
+            scale: 1.0 + SCALE * normal(&mut rng),
+            drift_rps: DRIFT_RPS * normal(&mut rng),
+            rng,
         });
         Self {
             pose,
@@ -96,11 +96,11 @@ impl Robot {
         let spread_m = DISTANCE_M * libm::sqrt(way_m);
         let turn_rad = TURN_RAD * libm::sqrt(motion.turn_rad.abs());
         Motion {
-            forward_m: motion.forward_m * odometry.scale + spread_m * odometry.noise.normal(),
-            left_m: motion.left_m * odometry.scale + spread_m * odometry.noise.normal(),
+            forward_m: motion.forward_m * odometry.scale + spread_m * normal(&mut odometry.rng),
+            left_m: motion.left_m * odometry.scale + spread_m * normal(&mut odometry.rng),
             turn_rad: motion.turn_rad
                 + odometry.drift_rps * since_s
-                + turn_rad * odometry.noise.normal(),
+                + turn_rad * normal(&mut odometry.rng),
         }
     }
 }

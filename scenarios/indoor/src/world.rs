@@ -10,20 +10,21 @@ use muster_indoor::coverage::{self, Places, PlanError, Seen};
 use muster_indoor::frames::MapXy;
 use muster_indoor::path::Floor;
 use muster_indoor::patrol::{Config, Input, Patrol, Transmit, Velocity, thesis_sonars};
-use muster_indoor::reading::{Mounting, Reading};
+use muster_indoor::random::stream;
+use muster_indoor::reading::{Echo, Mounting, Reading};
+use muster_indoor::sensor::{Disc, Reflector, Room, SonarModel};
 use muster_machines::machine::{Emitted, Stimulus};
 use muster_machines::time::Timestamp;
+use rand_chacha::ChaCha8Rng;
 
 pub use self::outcome::{Outcome, Sample};
+pub use crate::failing::Failing;
 pub use crate::rule::{CLEARANCE_M, Touch, Touched};
-pub use crate::sonar::Failing;
 
 use crate::flat::Flat;
-use crate::noise::Noise;
 use crate::people::Person;
 use crate::robot::Robot;
 use crate::rule::{person_touch, wall_m};
-use crate::sonar;
 use muster_indoor::avoidance::{Limits, Method};
 
 /// Step of the world.
@@ -47,6 +48,11 @@ pub const LIMITS: Limits = Limits {
     turn_rate_max_rps: 1.5,
 };
 const ACCELERATION_MPS2: f64 = 1.0;
+/// Sonars of a world without noise.
+const EXACT: SonarModel = SonarModel {
+    sigma_m: 0.0,
+    lost: 0.0,
+};
 /// Way that takes as long as to look round once, in metres.
 const TURN_M: f64 = 3.5;
 
@@ -75,7 +81,16 @@ impl Setup {
         }
     }
 
-    /// The same route without noise and people: what a patrol's time is compared with.
+    /// The same route among the same people without noise: what a patrol's time is compared with.
+    #[must_use]
+    pub fn exact(seed: u64) -> Self {
+        Self {
+            noise: false,
+            ..Self::seeded(seed)
+        }
+    }
+
+    /// The same route without noise and people.
     #[must_use]
     pub const fn undisturbed() -> Self {
         Self {
@@ -140,7 +155,8 @@ pub struct World {
     tick: u64,
     robot: Robot,
     people: Vec<Person>,
-    sonar_noise: Vec<Option<Noise>>,
+    sonar_model: SonarModel,
+    sonar_rngs: Vec<ChaCha8Rng>,
     due: VecDeque<Input>,
     deadline: Option<Timestamp>,
     seen: Seen,
@@ -157,15 +173,20 @@ impl World {
             config,
             visible,
         } = prepared;
-        let noise = |stream: u64| setup.noise.then(|| Noise::new(setup.seed, stream));
-        let mut walkers = Noise::new(setup.seed, 1);
+        let mut walkers = stream(setup.seed, 1);
+        let odometry_rng = setup.noise.then(|| stream(setup.seed, 2));
         let people = flat.people.iter().filter(|_| setup.people);
         let people = people.map(|walk| Person::new(walk, &mut walkers)).collect();
         let sonars = 0..config.sonars.len() as u64;
         Self {
-            robot: Robot::new(flat.start, config.acceleration_mps2, noise(2)),
+            robot: Robot::new(flat.start, config.acceleration_mps2, odometry_rng),
             people,
-            sonar_noise: sonars.map(|sonar| noise(10 + sonar)).collect(),
+            sonar_model: if setup.noise {
+                SonarModel::default()
+            } else {
+                EXACT
+            },
+            sonar_rngs: sonars.map(|sonar| stream(setup.seed, 10 + sonar)).collect(),
             due: VecDeque::new(),
             deadline: Some(Timestamp::ZERO),
             seen: Seen::none(visible.targets().len()),
@@ -279,9 +300,10 @@ impl World {
         let failing = self.setup.failing.iter();
         let failing = failing.filter(|(sonar, _, from)| *sonar == place && *from <= now);
         let failing = failing.map(|(_, failing, _)| *failing).next_back();
-        let map = self.prepared.config.floor.map();
-        let noise = self.sonar_noise[place].as_mut();
-        let echo = sonar::heard(map, &self.people, self.robot.pose, mounting, failing, noise);
+        let echo = match failing {
+            Some(failing) => failing.echo(),
+            None => Some(self.hear(place, mounting)),
+        };
         if let Some(echo) = echo {
             self.due.push_back(Input::Range(Reading {
                 mounting: *mounting,
@@ -290,6 +312,18 @@ impl World {
                 expires: now + READING_HOLDS,
             }));
         }
+    }
+
+    fn hear(&mut self, place: usize, mounting: &Mounting) -> Echo {
+        let discs: Vec<Disc> = self.people.iter().map(Person::disc).collect();
+        let room = Room {
+            map: self.prepared.config.floor.map(),
+            surfaces: &|_| Reflector::Rough,
+            discs: &discs,
+        };
+        let rng = &mut self.sonar_rngs[place];
+        self.sonar_model
+            .measure(room, self.robot.pose, mounting, &[], rng)
     }
 
     fn check_clearance(&mut self) {

@@ -18,7 +18,8 @@ use crate::command::{Failure, Outcome, terminal};
 /// Patrol a flat many times, with noise and people.
 ///
 /// The drone keeps track of its pose by sonars and odometry, and flies until it has seen what can be seen. A patrol must not
-/// touch walls or people, must see 99 %, and may take 1.5 times as long as without noise and people.
+/// touch walls or people, must see 99 %, and may take 1.5 times as long as the same patrol among the
+/// same people without noise.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster map patrol flat --seeds 0..4

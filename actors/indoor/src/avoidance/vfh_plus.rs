@@ -72,8 +72,8 @@ impl VfhPlus {
     fn update_binary(&mut self, situation: &Situation<'_>) {
         // Each cell adds its magnitude where its sectors begin and takes it away where they end.
         let mut changes = [0_i32; 2 * SECTORS + 1];
-        // What lies behind the goal blocks no way to it.
-        let reach_m = situation.goal_m + 2.0 * self.limits.radius_m;
+        // What lies behind the goal blocks no way to it: the goal itself is clear of walls by the radius.
+        let reach_m = situation.goal_m + self.limits.radius_m;
         let reach_m = reach_m as f32;
         let near = situation.grid.occupied_near(f64::from(reach_m));
         near.for_each(|(index, certainty)| {

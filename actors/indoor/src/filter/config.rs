@@ -14,6 +14,8 @@ pub struct Config {
     /// Quantile of the standard normal distribution for that error. AMCL's default, 0.99, is a probability and no quantile; this
     /// is the quantile of 99 %.
     pub kld_z: f64,
+    /// How what the odometry counts moves. AMCL's `odom_model_type`.
+    pub odom_model: OdomModel,
     /// Variance of the turn, rad² for each rad² turned.
     pub alpha1: f64,
     /// Variance of the turn, rad² for each m² moved. AMCL's default, 0.2, is that of poor wheels.
@@ -22,6 +24,8 @@ pub struct Config {
     pub alpha3: f64,
     /// Variance of the way, m² for each rad² turned.
     pub alpha4: f64,
+    /// Variance aside of the way, m² for each m² moved; for [`OdomModel::Omni`].
+    pub alpha5: f64,
     /// Random walk without odometry, m² a second.
     pub walk_m2: f64,
     /// Random walk of the heading without odometry, rad² a second.
@@ -69,6 +73,15 @@ pub struct Config {
     pub recovery_alpha_fast: f64,
 }
 
+/// How what the odometry counts moves.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum OdomModel {
+    /// It turns, goes ahead and turns again, as a robot with two wheels. It can't go sideways but by turns.
+    Diff,
+    /// It moves in any direction while it turns, as a drone.
+    Omni,
+}
+
 impl Config {
     /// Fewest rays, whatever the number of particles.
     pub const BEAMS_MIN: usize = 8;
@@ -83,10 +96,12 @@ impl Default for Config {
             max_particles: 10_000,
             kld_err: 0.05,
             kld_z: 2.33,
+            odom_model: OdomModel::Diff,
             alpha1: 0.1,
             alpha2: 0.01,
             alpha3: 0.1,
             alpha4: 0.05,
+            alpha5: 0.1,
             walk_m2: 0.1,
             walk_rad2: 0.1,
             max_beams: 60,

@@ -29,7 +29,7 @@ use rand_chacha::rand_core::SeedableRng;
 use crate::frames::MapPose;
 use crate::reading::Reading;
 use bins::kld_size;
-pub use config::Config;
+pub use config::{Config, OdomModel};
 use estimate::{Cluster, Histogram};
 pub use motion::Moved;
 use noise::Noise;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::config::Config;
+use super::config::{Config, OdomModel};
 use super::fast::sin_cos;
 use super::noise::Noise;
 use super::particles::Particles;
@@ -21,8 +21,6 @@ pub enum Moved {
 const STANDSTILL_M: f64 = 0.01;
 
 /// Moves each particle with its own noise.
-///
-/// Source: S. Thrun, W. Burgard, D. Fox, *Probabilistic Robotics*, 2005, table 5.6; going backwards is no half turn, as in AMCL.
 pub(super) fn advance(
     particles: &mut Particles,
     moved: Moved,
@@ -31,7 +29,10 @@ pub(super) fn advance(
     noise: &mut Noise,
 ) {
     match moved {
-        Moved::Odometry(motion) => odometry(particles, motion, config, metres_per_cell, noise),
+        Moved::Odometry(motion) => match config.odom_model {
+            OdomModel::Diff => diff(particles, motion, config, metres_per_cell, noise),
+            OdomModel::Omni => omni(particles, motion, config, metres_per_cell, noise),
+        },
         Moved::Unknown(time) => {
             let walk = libm::sqrt(config.walk_m2 * time.as_secs_f64()) / metres_per_cell;
             let turn = libm::sqrt(config.walk_rad2 * time.as_secs_f64());
@@ -51,7 +52,8 @@ pub(super) fn jitter(particles: &mut Particles, walk: f32, turn: f32, noise: &mu
     }
 }
 
-fn odometry(
+/// Source: S. Thrun, W. Burgard, D. Fox, *Probabilistic Robotics*, 2005, table 5.6; going backwards is no half turn, as in AMCL.
+fn diff(
     particles: &mut Particles,
     motion: Motion,
     config: &Config,
@@ -93,6 +95,39 @@ fn odometry(
         *x += way * cos;
         *y += way * sin;
         *heading = direction + second + second_noise * noise.normal();
+    }
+}
+
+/// Ways along and aside and the turn each have their own noise: the direction of a motion says nothing of how far the heading
+/// turned. As AMCL's `omni`; there the noise of ways by turns is `alpha1`.
+fn omni(
+    particles: &mut Particles,
+    motion: Motion,
+    config: &Config,
+    metres_per_cell: f64,
+    noise: &mut Noise,
+) {
+    let way_sq = motion.forward_m * motion.forward_m + motion.left_m * motion.left_m;
+    let turn_sq = motion.turn_rad * motion.turn_rad;
+    let deviation = |of_turn: f64, of_way: f64| libm::sqrt(of_turn * turn_sq + of_way * way_sq);
+    let turn_noise = deviation(config.alpha1, config.alpha2) as f32;
+    let along_noise = (deviation(config.alpha4, config.alpha3) / metres_per_cell) as f32;
+    let aside_noise = (deviation(config.alpha4, config.alpha5) / metres_per_cell) as f32;
+    let course = if way_sq > 0.0 {
+        libm::atan2(motion.left_m, motion.forward_m) as f32
+    } else {
+        0.0
+    };
+    let way = (libm::sqrt(way_sq) / metres_per_cell) as f32;
+    let turn = motion.turn_rad as f32;
+    let poses = particles.x.iter_mut().zip(&mut particles.y);
+    for ((x, y), heading) in poses.zip(&mut particles.heading) {
+        let (sin, cos) = sin_cos(*heading + course);
+        let along = way + along_noise * noise.normal();
+        let aside = aside_noise * noise.normal();
+        *x += along * cos - aside * sin;
+        *y += along * sin + aside * cos;
+        *heading += turn + turn_noise * noise.normal();
     }
 }
 
@@ -177,6 +212,30 @@ mod tests {
         assert!(turned.heading.iter().all(|it| (it - 1.0).abs() < 1e-5));
         let noisy = moved(motion(0.0, 1.0), &only(0.01, 0.0));
         assert!((spread(&noisy.heading).1 - 0.1).abs() < 0.005);
+    }
+
+    #[test]
+    fn sideways_flight_of_an_omni_model_turns_no_heading() {
+        let config = Config {
+            odom_model: OdomModel::Omni,
+            alpha5: 0.01,
+            ..only(0.04, 0.04)
+        };
+        let sideways = Motion {
+            forward_m: 0.0,
+            left_m: 2.0,
+            turn_rad: 0.0,
+        };
+        let went = moved(sideways, &config);
+        assert!(spread(&went.heading).1 < 1e-6);
+        let ((left, along), (_, aside)) = (spread(&went.y), spread(&went.x));
+        assert!((left - 4.0).abs() < 0.05 && (along - 0.8).abs() < 0.03);
+        assert!((aside - 0.4).abs() < 0.02, "{aside}");
+        let diff = Config {
+            odom_model: OdomModel::Diff,
+            ..config
+        };
+        assert!(spread(&moved(sideways, &diff).heading).1 > 0.2);
     }
 
     #[test]

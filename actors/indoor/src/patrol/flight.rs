@@ -23,6 +23,8 @@ const TURN_GAIN: f64 = 2.5;
 const UNKNOWN_M: f64 = 0.25;
 /// Steps between two fadings: what gave two echoes and no more is forgotten in 3 s, what moves on leaves no trail.
 const FADE_STEPS: u32 = 5;
+/// The same while a sonar fails: what only it would hear is remembered longer.
+const FADE_STEPS_BLIND: u32 = 15;
 /// Speed below which a drone is at rest, in m/s.
 const MOVING_MPS: f64 = 0.05;
 /// Share of the braking that the approach to a stop uses.
@@ -61,8 +63,8 @@ impl Flight {
         &mut self,
         config: &Config,
         place: &Place,
-        readings: &[Reading],
-        before: OdometryPose,
+        sonars: &Sonars,
+        (readings, before): (&[Reading], OdometryPose),
     ) {
         let now = place.odometry();
         let motion = before.motion_to(now);
@@ -73,7 +75,12 @@ impl Flight {
         }
         self.found.move_to((now.at.x_m, now.at.y_m));
         self.steps += 1;
-        if self.steps.is_multiple_of(FADE_STEPS) {
+        let fade_steps = if sonars.has_fault() {
+            FADE_STEPS_BLIND
+        } else {
+            FADE_STEPS
+        };
+        if self.steps.is_multiple_of(fade_steps) {
             self.found.fade();
         }
         for reading in readings {
@@ -140,8 +147,8 @@ impl Flight {
             Order::Fly { to, left_m } => {
                 let seen = place.pose().sight(*to);
                 let watches = sonars.watches(now);
-                let Some(leading_rad) = sonars.leading_rad() else {
-                    return turn(0.0);
+                let Some(leading_rad) = sonars.leading_rad(now) else {
+                    return turn(LOOK_RPS);
                 };
                 let Some((direction_rad, speed_mps)) =
                     self.steer(config, place, (leading_rad, seen))

@@ -15,6 +15,7 @@ mod tests;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Duration;
 
 use muster_machines::indoor::{Builder, Indoor};
 use muster_machines::machine::{Machine, Output};
@@ -34,6 +35,8 @@ use crate::reading::Reading;
 
 /// Most readings that wait for the next step; the oldest goes first.
 const READINGS_MAX: usize = 64;
+/// A drone that no sonar leads turns to find something that echoes: a full turn takes 7 s. After so long it lands.
+const LANDS_AFTER: Duration = Duration::from_secs(10);
 
 /// A patrol of one drone.
 #[derive(Debug)]
@@ -46,6 +49,9 @@ pub struct Patrol {
     seen: Seen,
     readings: VecDeque<Reading>,
     next: Timestamp,
+    /// When a sonar last worked.
+    heard: Timestamp,
+    has_landed: bool,
     outbox: VecDeque<Output<Transmit, Event>>,
 }
 
@@ -64,6 +70,8 @@ impl Patrol {
             seen,
             readings: VecDeque::new(),
             next: now + PERIOD,
+            heard: now,
+            has_landed: false,
             outbox: VecDeque::new(),
             config,
         }
@@ -96,7 +104,7 @@ impl Patrol {
             .collect();
         self.place.step(now, &trusted);
         self.flight
-            .sense(&self.config, &self.place, &trusted, before);
+            .sense(&self.config, &self.place, &self.sonars, (&trusted, before));
         let pose = self.place.pose();
         if !self.place.is_lost() {
             let (map, view) = (self.config.floor.map(), self.config.view);
@@ -105,7 +113,11 @@ impl Patrol {
                 .targets()
                 .look(map, pose, view, &mut self.seen);
         }
-        let order = self.route.next(now, &self.config, &self.place, &self.seen);
+        let order = if self.lands(now) {
+            Order::Done
+        } else {
+            self.route.next(now, &self.config, &self.place, &self.seen)
+        };
         if let Order::GiveUp(stop) = order {
             self.event(Event::GivenUp(stop));
         }
@@ -118,6 +130,17 @@ impl Patrol {
         self.outbox
             .push_back(Output::Transmit(Transmit::Velocity(velocity)));
         self.report(now, order == Order::Done);
+    }
+
+    /// Whether the drone ends the patrol where it is: no sonar has worked for [`LANDS_AFTER`], though it turned.
+    fn lands(&mut self, now: Timestamp) -> bool {
+        if self.sonars.leading_rad(now).is_some() {
+            self.heard = now;
+        } else if !self.has_landed && now.since(self.heard) >= LANDS_AFTER {
+            self.has_landed = true;
+            self.event(Event::Landing);
+        }
+        self.has_landed
     }
 
     fn report(&mut self, now: Timestamp, is_done: bool) {

@@ -9,7 +9,7 @@ use nalgebra::{Matrix3, Vector3};
 
 use super::config::Config;
 use crate::avoidance::Limits;
-use crate::filter::{self, Filter, Moved};
+use crate::filter::{self, Filter, Moved, OdomModel};
 use crate::frames::{MapPose, Motion, OdometryPose};
 use crate::reading::Reading;
 
@@ -25,10 +25,12 @@ pub(super) fn filter_config() -> filter::Config {
         min_particles: 200,
         max_particles: 1_000,
         // Ten steps a second: a turn of 180° errs by 3°, a metre by 5 cm.
+        odom_model: OdomModel::Omni,
         alpha1: 0.01,
         alpha2: 0.02,
         alpha3: 0.05,
         alpha4: 0.005,
+        alpha5: 0.05,
         // People stand before sonars.
         fit_found: 0.4,
         fit_regained: 0.4,

@@ -14,7 +14,7 @@ use crate::path::{Floor, Found, Obstacles, Search};
 /// Cells that a step's search expands at most: below a millisecond.
 const CELLS_A_STEP: usize = 4_000;
 /// A stop is reached within this distance, in metres.
-const ARRIVED_M: f64 = 0.3;
+const ARRIVED_M: f64 = 0.2;
 /// Distance along the way of the point that is flown to, in metres.
 const AHEAD_M: f64 = 0.7;
 /// A drone that gets no nearer to its stop for so long is blocked.
@@ -82,7 +82,7 @@ pub(super) struct Route {
     obstacles: Obstacles,
     /// When the last obstacle was added.
     blocked_at: Timestamp,
-    /// The least distance to the stop, and when it was reached.
+    /// The least distance to the stop, and when it was reached; a drone that is pushed off its way and plans anew has come no nearer.
     nearest: (f64, Timestamp),
     heading_rad: f64,
     blocked_now: bool,
@@ -133,7 +133,6 @@ impl Route {
                     Found::NotYet => Order::Wait,
                     Found::Nothing => self.no_way(now),
                     Found::Way(way) => {
-                        self.nearest = (f64::INFINITY, now);
                         self.phase = Phase::Flying(way);
                         self.fly(now, config, pose, seen)
                     }
@@ -157,34 +156,47 @@ impl Route {
         }
     }
 
-    /// Begins with the next stop that shows something new; after the last, with the place that shows most.
+    /// Begins with the next stop that shows something new, or with what the stops before left unseen if that is nearer. Nobody has
+    /// to come back for it at the end.
     fn choose(&mut self, now: Timestamp, config: &Config, pose: MapPose, seen: &Seen) -> Order {
         while let Some(stop) = self.stops.front() {
             if adds(config, at(stop.at), seen) > 0 {
-                return self.search(now, config, pose);
+                break;
             }
             self.stops.pop_front();
         }
-        self.tried.add(seen);
-        let best = config.places.best(&self.tried, pose.at);
-        match best.filter(|_| self.extra < EXTRA_MAX) {
-            Some((place, _)) => {
-                self.extra += 1;
-                self.stops.push_back(Stop {
-                    at: place,
-                    tries: 0,
-                });
-                // What isn't seen from there either is not tried again.
-                let (map, view) = (config.floor.map(), config.view.all_round());
-                let targets = config.places.targets();
-                targets.look(map, at(place), view, &mut self.tried);
-                self.search(now, config, pose)
-            }
-            None => {
-                self.phase = Phase::Done;
-                Order::Done
-            }
+        if let Some(place) = self.left_behind(config, pose, seen) {
+            self.extra += 1;
+            self.stops.push_front(Stop {
+                at: place,
+                tries: 0,
+            });
+            // What isn't seen from there either is not tried again.
+            let (map, view) = (config.floor.map(), config.view.all_round());
+            let targets = config.places.targets();
+            targets.look(map, at(place), view, &mut self.tried);
         }
+        if self.stops.is_empty() {
+            self.phase = Phase::Done;
+            return Order::Done;
+        }
+        self.nearest = (f64::INFINITY, now);
+        self.search(now, config, pose)
+    }
+
+    /// The place that shows most of what no stop will show, if it is nearer than the next stop.
+    fn left_behind(&mut self, config: &Config, pose: MapPose, seen: &Seen) -> Option<MapXy> {
+        self.tried.add(seen);
+        let mut planned = self.tried.clone();
+        let (map, view) = (config.floor.map(), config.view.all_round());
+        let targets = config.places.targets();
+        for stop in &self.stops {
+            targets.look(map, at(stop.at), view, &mut planned);
+        }
+        let next_m = self.stops.front().map(|stop| stop.at.distance_m(pose.at));
+        let (place, _) = config.places.best(&planned, pose.at)?;
+        let is_near = next_m.is_none_or(|next_m| place.distance_m(pose.at) < next_m);
+        (is_near && self.extra < EXTRA_MAX).then_some(place)
     }
 
     fn search(&mut self, now: Timestamp, config: &Config, pose: MapPose) -> Order {
@@ -237,6 +249,7 @@ impl Route {
         self.blocked_now = true;
         self.obstacles.add(ahead, BLOCK_RADIUS_M);
         self.blocked_at = now;
+        self.nearest = (f64::INFINITY, now);
         match self.tried() {
             Some(stop) => Order::GiveUp(stop),
             None => self.search(now, config, pose),
@@ -249,7 +262,8 @@ impl Route {
         let given_up = self.tried();
         let tries = self.stops.front().map_or(0, |stop| stop.tries);
         if given_up.is_none() && tries.is_multiple_of(TRIES_BEFORE_OTHERS) {
-            self.stops.rotate_left(1.min(self.stops.len()));
+            let last = self.stops.len() - 1;
+            self.stops.swap(0, 1.min(last));
         }
         self.phase = Phase::Waiting(now + PATIENCE);
         given_up.map_or(Order::Wait, Order::GiveUp)

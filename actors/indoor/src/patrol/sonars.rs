@@ -13,14 +13,18 @@ use crate::reading::{Echo, Mounting, Reading};
 
 /// A sonar that says nothing for so long is dead.
 const DEAD_AFTER: Duration = Duration::from_millis(800);
-/// Implausible readings in a row that make a sonar fail: 1.2 s at 8 Hz.
-const IMPLAUSIBLE_MAX: u32 = 10;
-/// Plausible readings in a row after which a failed sonar is believed again: 3 s at 8 Hz.
-const PLAUSIBLE_MIN: u32 = 24;
+/// Signs of one fault without an echo between that make a sonar fail: 0.75 s at 8 Hz.
+const SIGNS_MAX: u32 = 6;
+/// Echoes after the last sign of a fault that make a failed sonar be believed again: 3 s at 8 Hz.
+const ECHOES_MIN: u32 = 24;
+/// After so long without an echo, silence of a sonar is no free way: less than the 2 s within which a fault must be found.
+const ECHO_HOLDS: Duration = Duration::from_millis(1_500);
 /// Echoes from nearer than this are stuck if the map has nothing there, in metres.
 const TOUCHING_M: f64 = 0.1;
-/// Walls up to so far must echo, in metres: half of an HC-SR04's range.
-const MUST_ECHO_M: f64 = 2.0;
+/// Walls up to so far must echo, in metres: three quarters of an HC-SR04's range.
+const MUST_ECHO_M: f64 = 3.0;
+/// Share of the cone, about its axis, in which a wall must echo: at its edges the pose decides.
+const MUST_ECHO_CONE: f64 = 0.5;
 /// Distance by which the map's walls may be off, in metres: walls and pose.
 const TOLERANCE_M: f64 = 0.3;
 /// Rays that stand for a cone.
@@ -37,9 +41,12 @@ struct Sonar {
     mounting: Mounting,
     last: Option<Reading>,
     heard: Timestamp,
-    /// The fault that readings in a row show, and their number.
+    /// When it last gave an echo from anything but right before it.
+    echoed: Timestamp,
+    /// The fault that readings show, and their number since the last echo.
     suspect: (Option<Fault>, u32),
-    plausible: u32,
+    /// Echoes since the last sign of a fault.
+    echoes: u32,
     fault: Option<Fault>,
 }
 
@@ -50,7 +57,8 @@ impl Sonars {
             last: None,
             heard: Timestamp::ZERO,
             suspect: (None, 0),
-            plausible: 0,
+            echoes: 0,
+            echoed: Timestamp::ZERO,
             fault: None,
         };
         Self {
@@ -94,13 +102,18 @@ impl Sonars {
     /// Whether a reading is of a sonar that works.
     pub(super) fn is_trusted(&self, reading: &Reading) -> bool {
         let of = self.all.iter().find(|it| it.mounting == reading.mounting);
-        of.is_some_and(|sonar| sonar.fault.is_none() && sonar.suspect.1 < IMPLAUSIBLE_MAX / 2)
+        of.is_some_and(|sonar| sonar.fault.is_none() && sonar.suspect.1 < SIGNS_MAX / 2)
+    }
+
+    /// Whether a sonar fails.
+    pub(super) fn has_fault(&self) -> bool {
+        self.all.iter().any(|sonar| sonar.fault.is_some())
     }
 
     /// The last words of the sonars that work, as far as they are valid.
     pub(super) fn watches(&self, now: Timestamp) -> Vec<Watch> {
+        let working = self.all.iter().filter(|sonar| sonar.works(now));
         let now = Duration::from_nanos(now.as_nanos());
-        let working = self.all.iter().filter(|sonar| sonar.fault.is_none());
         let words = working.filter_map(|sonar| sonar.last.filter(|it| now < it.expires));
         let heard = words.filter(|reading| reading.echo != Echo::Failed);
         let watch = |reading: Reading| Watch {
@@ -112,50 +125,79 @@ impl Sonars {
 
     /// The axis of the working sonar that looks most nearly forward, in radians from forward: it is turned to the course.
     /// `None` if none works.
-    pub(super) fn leading_rad(&self) -> Option<f64> {
-        let working = self.all.iter().filter(|sonar| sonar.fault.is_none());
+    pub(super) fn leading_rad(&self, now: Timestamp) -> Option<f64> {
+        let working = self.all.iter().filter(|sonar| sonar.works(now));
         let axes = working.map(|sonar| wrapped_rad(sonar.mounting.bearing_rad));
         axes.min_by(|a, b| a.abs().total_cmp(&b.abs()))
     }
 }
 
 impl Sonar {
+    /// Whether it has no fault and showed lately that it hears. Where the map has no wall, a deaf sonar can't be told from one
+    /// before a free way; no drone flies by either.
+    fn works(&self, now: Timestamp) -> bool {
+        self.fault.is_none() && now.since(self.echoed) < ECHO_HOLDS
+    }
+
     fn hear(&mut self, now: Timestamp, map: &Map, pose: MapPose, reading: &Reading) {
         self.last = Some(*reading);
         if reading.echo != Echo::Failed {
             self.heard = now;
         }
-        let fault = implausible(map, pose, reading);
-        if fault.is_none() {
-            self.plausible += 1;
-            self.suspect = (None, 0);
-        } else {
-            self.plausible = 0;
-            let count = if self.suspect.0 == fault {
-                self.suspect.1
-            } else {
-                0
-            };
-            self.suspect = (fault, count + 1);
+        match sign(map, pose, reading) {
+            Sign::Works => {
+                self.echoed = now;
+                self.echoes += 1;
+                self.suspect = (None, 0);
+            }
+            Sign::Fails(fault) => {
+                self.echoes = 0;
+                let before = (self.suspect.0 == Some(fault)).then_some(self.suspect.1);
+                self.suspect = (Some(fault), before.unwrap_or(0) + 1);
+            }
+            Sign::Nothing => {}
         }
-        if self.suspect.1 >= IMPLAUSIBLE_MAX {
+        if self.suspect.1 >= SIGNS_MAX {
             self.fault = self.suspect.0;
-        } else if self.plausible >= PLAUSIBLE_MIN {
+        } else if self.echoes >= ECHOES_MIN {
             self.fault = None;
         }
     }
 }
 
-/// The fault that a reading shows by itself.
-fn implausible(map: &Map, pose: MapPose, reading: &Reading) -> Option<Fault> {
-    let expected = expected_m(map, pose, &reading.mounting);
+/// What a reading says of its sonar.
+enum Sign {
+    /// It hears what is there.
+    Works,
+    Fails(Fault),
+    /// A sonar that works may say this, and one that fails too: silence where the map has no wall near.
+    Nothing,
+}
+
+fn sign(map: &Map, pose: MapPose, reading: &Reading) -> Sign {
+    let mounting = &reading.mounting;
     match reading.echo {
         Echo::At(range_m) if range_m < TOUCHING_M => {
-            let is_wall_near = expected.is_some_and(|it| it < range_m + TOLERANCE_M);
-            (!is_wall_near).then_some(Fault::Stuck)
+            let expected = expected_m(map, pose, mounting);
+            if expected.is_some_and(|it| it < range_m + TOLERANCE_M) {
+                Sign::Nothing
+            } else {
+                Sign::Fails(Fault::Stuck)
+            }
         }
-        Echo::Silence => expected.filter(|it| *it < MUST_ECHO_M).map(|_| Fault::Deaf),
-        Echo::At(_) | Echo::Failed => None,
+        Echo::At(_) => Sign::Works,
+        Echo::Silence => {
+            let middle = Mounting {
+                aperture_rad: MUST_ECHO_CONE * mounting.aperture_rad,
+                range_max_m: MUST_ECHO_M.min(mounting.range_max_m),
+                ..*mounting
+            };
+            match expected_m(map, pose, &middle) {
+                Some(_) => Sign::Fails(Fault::Deaf),
+                None => Sign::Nothing,
+            }
+        }
+        Echo::Failed => Sign::Nothing,
     }
 }
 

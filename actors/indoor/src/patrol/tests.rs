@@ -11,16 +11,21 @@ use crate::map::Map;
 use crate::path::Floor;
 use crate::reading::Echo;
 
-/// A room of 4 × 3 m in cells of 5 cm.
+/// A room of 4 × 3 m.
 fn config() -> Config {
+    room((80, 60), MapPose::new(1.0, 1.5, 0.0), 1.0)
+}
+
+/// A room in cells of 5 cm, for a camera of this range.
+fn room((columns, rows): (usize, usize), start: MapPose, range_m: f64) -> Config {
     let line = |row: usize| -> String {
-        let cells = (0..80).map(|column| {
-            let is_wall = row == 0 || row == 59 || column == 0 || column == 79;
+        let cells = (0..columns).map(|column| {
+            let is_wall = row == 0 || row == rows - 1 || column == 0 || column == columns - 1;
             if is_wall { '#' } else { '.' }
         });
         cells.collect()
     };
-    let text: Vec<String> = (0..60).map(line).collect();
+    let text: Vec<String> = (0..rows).map(line).collect();
     let map = Arc::new(Map::from_text(&text.join("\n"), 0.05).unwrap());
     let limits = Limits {
         radius_m: 0.25,
@@ -29,10 +34,9 @@ fn config() -> Config {
     };
     let floor = Floor::new(Arc::clone(&map), limits.radius_m);
     let view = View {
-        range_m: 1.0,
+        range_m,
         cone_rad: 1.0,
     };
-    let start = MapPose::new(1.0, 1.5, 0.0);
     let (tours, places) = coverage::plan(&floor, view, &[start.at], 3.0).unwrap();
     Config {
         floor,
@@ -214,6 +218,19 @@ fn without_sonars_nothing_moves() {
         bench.step(|_, _| None);
         assert!(bench.velocity.speed_mps() < 1e-9);
     }
+}
+
+/// In the middle of a hall of 13 × 13 m no wall is in range: a deaf sonar can't be told from one before a free way.
+#[test]
+fn silence_alone_is_no_free_way_and_a_drone_that_hears_nothing_lands() {
+    let config = room((260, 260), MapPose::new(6.5, 6.5, 0.0), 4.0);
+    let mut bench = Bench::new(&config);
+    while !bench.is_done() && bench.steps < 200 {
+        bench.step(|_, echo| Some(echo));
+        assert!(bench.velocity.speed_mps() < 1e-9);
+    }
+    assert!(bench.is_done() && bench.events.contains(&Event::Landing));
+    assert!(bench.steps >= 100, "{}", bench.steps);
 }
 
 #[test]

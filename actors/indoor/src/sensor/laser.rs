@@ -4,9 +4,9 @@ use std::time::Duration;
 
 use rand_chacha::ChaCha8Rng;
 
-use super::sonar::normal;
 use crate::frames::MapPose;
 use crate::map::Map;
+use crate::random::normal;
 use crate::reading::{Echo, Mounting, Reading};
 
 /// A scanning laser.

@@ -10,7 +10,7 @@ use std::time::Duration;
 
 pub use laser::{LaserModel, TofModel};
 pub use schedule::{ECHO_MAX, Schedule, ScheduleError, Turns};
-pub use sonar::{Ping, Reflector, SonarModel, Surfaces};
+pub use sonar::{Disc, Ping, Reflector, Room, SonarModel, Surfaces};
 
 use crate::reading::Reading;
 

@@ -1,13 +1,13 @@
 //! A sonar: the nearest thing in its cone answers, and often enough it doesn't.
 
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use rand_chacha::ChaCha8Rng;
-use rand_chacha::rand_core::Rng;
 
 use super::SOUND_MPS;
 use crate::frames::{MapPose, MapXy, wrapped_rad};
 use crate::map::Map;
+use crate::random::{normal, uniform};
 use crate::reading::{Echo, Mounting};
 
 /// Rays that stand for a cone: 4 cm apart at 1 m for 30°.
@@ -30,6 +30,26 @@ pub enum Reflector {
 
 /// What the surface at a place of the map is.
 pub type Surfaces<'a> = &'a dyn Fn(MapXy) -> Reflector;
+
+/// Something round that is not on the map and answers from all sides: a person.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Disc {
+    /// Its middle.
+    pub at: MapXy,
+    /// Metres.
+    pub radius_m: f64,
+}
+
+/// What sonars are in.
+#[derive(Clone, Copy)]
+pub struct Room<'a> {
+    /// Walls and furniture.
+    pub map: &'a Map,
+    /// What these do to sound.
+    pub surfaces: Surfaces<'a>,
+    /// People. They answer, but cast no echo of another sonar's ping.
+    pub discs: &'a [Disc],
+}
 
 /// A sonar's faults.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -64,20 +84,22 @@ impl SonarModel {
     /// What a sonar hears that listens since it fired itself, among others' pings.
     pub fn measure(
         &self,
-        map: &Map,
-        surfaces: Surfaces<'_>,
+        room: Room<'_>,
         drone: MapPose,
         mounting: &Mounting,
         others: &[Ping],
         rng: &mut ChaCha8Rng,
     ) -> Echo {
         let listener = on_map(drone, mounting);
-        let own_m = nearest(map, surfaces, listener, mounting);
+        let discs = room.discs.iter();
+        let discs = discs.filter_map(|disc| disc_m(room.map, listener, mounting, disc));
+        let wall = nearest(room.map, room.surfaces, listener, mounting);
+        let own_m = discs.chain(wall).min_by(f64::total_cmp);
         let own_m = own_m.filter(|_| uniform(rng) >= self.lost);
         let noise_m = self.sigma_m * normal(rng);
         let heard = others
             .iter()
-            .filter_map(|ping| stray(map, surfaces, listener, mounting, ping));
+            .filter_map(|ping| stray(room.map, room.surfaces, listener, mounting, ping));
         let first_m = heard.chain(own_m).min_by(f64::total_cmp);
         match first_m.map(|range_m| range_m + noise_m) {
             Some(range_m) if range_m <= mounting.range_max_m => {
@@ -107,6 +129,24 @@ fn nearest(map: &Map, surfaces: Surfaces<'_>, sonar: MapPose, mounting: &Mountin
         answers.then_some(range_m)
     });
     ranges.min_by(f64::total_cmp)
+}
+
+/// Range of a disc in a cone; `None` if no part of it is in the cone and in range, or a wall is between.
+fn disc_m(map: &Map, sonar: MapPose, mounting: &Mounting, disc: &Disc) -> Option<f64> {
+    let centre_m = sonar.at.distance_m(disc.at);
+    let half_rad = mounting.aperture_rad / 2.0;
+    let off_rad = wrapped_rad(sonar.at.bearing_rad(disc.at) - sonar.heading_rad);
+    // The direction in the cone that is nearest to the middle of the disc.
+    let ray_rad = off_rad.clamp(-half_rad, half_rad);
+    let miss_rad = (off_rad - ray_rad).abs();
+    let across_m = centre_m * libm::sin(miss_rad.min(FRAC_PI_2));
+    if across_m >= disc.radius_m || miss_rad >= FRAC_PI_2 {
+        return None;
+    }
+    let chord_m = libm::sqrt(disc.radius_m * disc.radius_m - across_m * across_m);
+    let range_m = (centre_m * libm::cos(miss_rad) - chord_m).max(0.0);
+    let wall = map.cast(sonar.at, sonar.heading_rad + ray_rad, range_m);
+    (range_m <= mounting.range_max_m && wall.is_none()).then_some(range_m)
 }
 
 /// Half of the way of another sonar's ping that a wall, or two, send into this one's cone, as this one would take it for a
@@ -191,14 +231,4 @@ fn incidence_rad(map: &Map, hit: MapXy, angle_rad: f64) -> f64 {
 /// Where a mirror sends a ray.
 fn mirrored(map: &Map, hit: MapXy, angle_rad: f64) -> f64 {
     wrapped_rad(2.0 * normal_rad(map, hit) - angle_rad - PI)
-}
-
-fn uniform(rng: &mut ChaCha8Rng) -> f64 {
-    f64::from(rng.next_u32()) / (f64::from(u32::MAX) + 1.0)
-}
-
-/// Source: G. Box, M. Muller, "A note on the generation of random normal deviates", 1958.
-pub(super) fn normal(rng: &mut ChaCha8Rng) -> f64 {
-    let radius = libm::sqrt(-2.0 * libm::log(1.0 - uniform(rng)));
-    radius * libm::cos(2.0 * PI * uniform(rng))
 }

@@ -4,7 +4,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::{Rng, SeedableRng};
 
 use super::*;
-use crate::frames::{BodyXy, MapPose};
+use crate::frames::{BodyXy, MapPose, MapXy};
 use crate::map::Map;
 use crate::reading::{Echo, Mounting};
 
@@ -46,9 +46,18 @@ fn exact() -> SonarModel {
     }
 }
 
+fn of<'a>(map: &'a Map, surfaces: Surfaces<'a>) -> Room<'a> {
+    Room {
+        map,
+        surfaces,
+        discs: &[],
+    }
+}
+
 fn heard(surface: Reflector, pose: MapPose) -> Echo {
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    exact().measure(&room(), &|_| surface, pose, &sonar(0.0), &[], &mut rng)
+    let (map, surfaces) = (room(), |_| surface);
+    exact().measure(of(&map, &surfaces), pose, &sonar(0.0), &[], &mut rng)
 }
 
 /// When each of the thesis's sonars fires in ten seconds at 8 Hz, if it is asked for at `times`.
@@ -160,14 +169,8 @@ fn cross_talk(groups: &[Vec<usize>], slot_s: f64) -> f64 {
                     .chain(before.iter().filter_map(|it| ping(it, slot_s)))
                     .collect();
                 let mut measure = |pings: &[Ping]| {
-                    exact().measure(
-                        &map,
-                        &|_| Reflector::Specular,
-                        pose,
-                        &sonar(axis),
-                        pings,
-                        &mut rng,
-                    )
+                    let mirrors = of(&map, &|_| Reflector::Specular);
+                    exact().measure(mirrors, pose, &sonar(axis), pings, &mut rng)
                 };
                 let (alone, among) = (measure(&[]), measure(&pings));
                 all += 1;
@@ -228,6 +231,33 @@ fn mirrors_answer_only_head_on() {
 }
 
 #[test]
+fn people_answer_with_the_side_that_the_cone_meets_unless_a_wall_is_between() {
+    let map = room();
+    let pose = MapPose::new(2.0, 2.5, 0.0);
+    let answers = |x_m: f64, y_m: f64| {
+        let person = Disc {
+            at: MapXy::new(x_m, y_m),
+            radius_m: 0.2,
+        };
+        let room = Room {
+            discs: &[person],
+            ..of(&map, &|_| Reflector::Rough)
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        match exact().measure(room, pose, &sonar(0.0), &[], &mut rng) {
+            Echo::At(range_m) => range_m,
+            echo => panic!("{echo:?}"),
+        }
+    };
+    let wall_m = answers(1.0, 2.5);
+    assert!((answers(3.5, 2.5) - 1.3).abs() < 1e-9, "ahead");
+    // 0.35 m to the left of the axis at 1 m: its middle is out of the cone, its right side is in it.
+    assert!((0.85..0.95).contains(&answers(3.0, 2.85)), "aside");
+    assert!((answers(3.0, 3.5) - wall_m).abs() < 1e-9, "beside");
+    assert!((answers(6.2, 2.5) - wall_m).abs() < 1e-9, "behind the wall");
+}
+
+#[test]
 fn curtains_answer_from_near_only() {
     assert!(matches!(
         heard(Reflector::Absorbing, MapPose::new(5.0, 2.5, 0.0)),
@@ -246,14 +276,8 @@ fn noise_and_losses_are_as_large_as_the_model_says() {
     let pose = MapPose::new(4.0, 2.5, 0.0);
     let echoes: Vec<Echo> = (0..4_000)
         .map(|_| {
-            model.measure(
-                &map,
-                &|_| Reflector::Rough,
-                pose,
-                &sonar(0.0),
-                &[],
-                &mut rng,
-            )
+            let rough = of(&map, &|_| Reflector::Rough);
+            model.measure(rough, pose, &sonar(0.0), &[], &mut rng)
         })
         .collect();
     let ranges: Vec<f64> = echoes

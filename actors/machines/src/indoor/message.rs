@@ -51,6 +51,8 @@ pub enum Event {
     Sonar(SonarChange),
     /// A stop can't be reached.
     GivenUp(MapXy),
+    /// No sonar works any more: the drone ends the patrol and lands where it is.
+    Landing,
 }
 
 /// From where a restarted machine goes on. It has no particles: they are drawn again around the pose.

@@ -45,6 +45,8 @@ pub struct Outcome {
     pub least_clearance_m: f64,
     /// Each time that the clearance became too small.
     pub touches: Vec<Touch>,
+    /// Whether it ended the patrol early and landed, since no sonar worked.
+    pub has_landed: bool,
     /// Stops that were given up.
     pub given_up: Vec<MapXy>,
     /// Sonars that were found to fail or to work again.
@@ -70,6 +72,7 @@ impl Outcome {
             unseen_targets: Vec::new(),
             least_clearance_m: f64::INFINITY,
             touches: Vec::new(),
+            has_landed: false,
             given_up: Vec::new(),
             sonars: Vec::new(),
             blind_motions: 0,
@@ -114,6 +117,7 @@ impl Outcome {
             Event::Remaining(remaining) => self.is_done |= remaining.is_done,
             Event::Sonar(change) => self.sonars.push((now, change)),
             Event::GivenUp(stop) => self.given_up.push(stop),
+            Event::Landing => self.has_landed = true,
         }
     }
 
