@@ -42,7 +42,7 @@ struct Sonar {
     last: Option<Reading>,
     heard: Timestamp,
     /// When it last gave an echo from anything but right before it.
-    echoed: Timestamp,
+    echoed: Option<Timestamp>,
     /// The fault that readings show, and their number since the last echo.
     suspect: (Option<Fault>, u32),
     /// Echoes since the last sign of a fault.
@@ -58,7 +58,7 @@ impl Sonars {
             heard: Timestamp::ZERO,
             suspect: (None, 0),
             echoes: 0,
-            echoed: Timestamp::ZERO,
+            echoed: None,
             fault: None,
         };
         Self {
@@ -136,7 +136,8 @@ impl Sonar {
     /// Whether it has no fault and showed lately that it hears. Where the map has no wall, a deaf sonar can't be told from one
     /// before a free way; no drone flies by either.
     fn works(&self, now: Timestamp) -> bool {
-        self.fault.is_none() && now.since(self.echoed) < ECHO_HOLDS
+        let has_echoed = self.echoed.is_some_and(|at| now.since(at) < ECHO_HOLDS);
+        self.fault.is_none() && has_echoed
     }
 
     fn hear(&mut self, now: Timestamp, map: &Map, pose: MapPose, reading: &Reading) {
@@ -146,7 +147,7 @@ impl Sonar {
         }
         match sign(map, pose, reading) {
             Sign::Works => {
-                self.echoed = now;
+                self.echoed = Some(now);
                 self.echoes += 1;
                 self.suspect = (None, 0);
             }
