@@ -122,10 +122,6 @@ fn a_drone_whose_aircraft_does_not_do_what_it_is_told_lands_and_the_others_finis
             r#"kind = "shake", rate_dps = 20"#,
             "its motors were at their limit or trembled",
         ),
-        (
-            r#"kind = "sag-battery", volts = 4"#,
-            "its voltage under load was too low",
-        ),
     ] {
         let fault = format!("{{ at_s = 30, drone = 1, {fault} }}");
         let report = flown("seed=1", &fault);
