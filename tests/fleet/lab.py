@@ -88,9 +88,8 @@ class Host:
             for cgroup in self.cgroups():
                 cgroup.mkdir()
             join = "; ".join(f"echo $$ > {it}/cgroup.procs" for it in self.cgroups())
-            bind = f"--bind={self.lab.shared} " if self.lab.shared else ""
             nspawn = (
-                f"systemd-nspawn --quiet --directory={self.root} --machine={self.name} --register=no --keep-unit --capability=CAP_NET_ADMIN {bind}"
+                f"systemd-nspawn --quiet --directory={self.root} --machine={self.name} --register=no --keep-unit --capability=CAP_NET_ADMIN "
                 f"--network-namespace-path=/run/netns/fleet-{self.name} --boot --console=pipe"
             )
             with (self.folder / "console").open("a") as console:
@@ -142,10 +141,9 @@ class Host:
 class Lab:
     """The hosts, a switch, and the operator's machine."""
 
-    def __init__(self, folder, image, hosts=len(NAMES), shared=None):
-        """`shared`: a folder that all hosts have at the same path."""
-        self.folder, self.image, self.shared = pathlib.Path(folder), pathlib.Path(image), shared
-        self.hosts = [Host(self, number) for number in range(hosts)]
+    def __init__(self, folder, image):
+        self.folder, self.image = pathlib.Path(folder), pathlib.Path(image)
+        self.hosts = [Host(self, number) for number in range(len(NAMES))]
 
     def __enter__(self):
         try:
