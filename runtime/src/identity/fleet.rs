@@ -82,7 +82,10 @@ impl Fleet {
     pub fn open(folder: &Path) -> Result<Self, KeysError> {
         let path = folder.join("fleet.key");
         if !path.exists() {
-            let help = format!("`muster keys fleet {}` creates a fleet's key", folder.display());
+            let help = format!(
+                "`muster keys fleet {}` creates a fleet's key",
+                folder.display()
+            );
             let message = "there is no such file: this folder is not that of a fleet";
             return Err(BadInput::without_excerpt(&path, message, help).into());
         }
