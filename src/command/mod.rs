@@ -39,8 +39,8 @@ use muster_scenarios::report::{Report, WriteError};
 /// Simulate and operate swarms of drones.
 ///
 /// A scenario file describes the drones, the mission, the radio and the protocol; `muster sim` flies it and shows the
-/// result. `muster list` shows the scenarios that come with the program. The same scenario and seed give the same flight, bit for bit. The simulated drones run the code that flies on
-/// aircraft.
+/// result. `muster list` shows the scenarios that come with the program. The same scenario and seed
+/// give the same flight, bit for bit. The simulated drones run the code that is to fly on aircraft.
 #[derive(Debug, Parser)]
 #[command(
     version,

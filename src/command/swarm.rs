@@ -192,9 +192,17 @@ fn musterd(arguments: &Arguments) -> Result<PathBuf, BadInput> {
     if found.is_file() {
         return Ok(found);
     }
-    let help =
-        "--musterd takes the path of the program musterd, which is built together with muster";
-    Err(BadInput::without_excerpt(&found, "does not exist", help))
+    let (message, help) = match &arguments.musterd {
+        Some(_) => (
+            "does not exist",
+            "--musterd takes the path of the program musterd",
+        ),
+        None => (
+            "the program musterd is not beside this one",
+            "`cargo install --path runtime/daemon` puts it there; or give its path with --musterd",
+        ),
+    };
+    Err(BadInput::without_excerpt(&found, message, help))
 }
 
 fn show(bar: &ProgressBar, progress: muster_scenarios::engine::Progress) {

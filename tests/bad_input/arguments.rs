@@ -8,6 +8,10 @@ fn wrong_argument_is_refused_with_what_is_accepted() {
         (&["--seed", "-1"], &["seed=-1", "a whole number from 0"]),
         (&["--seed", "one"], &["seed=one", "a whole number from 0"]),
         (
+            &["--seed", "99999999999999999999"],
+            &["the number is too large", "a whole number from 0"],
+        ),
+        (
             &["--set", "radio.range_m=-5"],
             &[
                 "range_m=-5",
@@ -71,10 +75,46 @@ fn keys_are_not_overwritten_and_unknown_drones_not_revoked() {
         (&["fleet", "ours"][..], "not overwritten"),
         (&["drone", "ours", "1"], "not overwritten"),
         (&["revoke", "ours", "7"], "drone 7 is not in the roster"),
-        (&["drone", "nowhere", "1"], "there is no such file"),
+        (&["drone", "nowhere", "1"], "`muster keys fleet nowhere`"),
     ] {
         let (code, error) = keys(arguments);
         assert_eq!(code, Some(2), "{error}");
+        contains(&error, &[says]).unwrap();
+    }
+}
+
+#[test]
+fn nothing_is_suggested_for_a_name_that_is_like_none() {
+    let folder = Folder::new();
+    for arguments in [
+        &["sim", "thesis-1", "--set", "nothing.here=1"][..],
+        &["map", "check", "./plan.yaml"],
+    ] {
+        let (code, [_, error]) = folder.muster(arguments);
+        assert_eq!(code, Some(2), "{error}");
+        assert!(!error.contains("did you mean"), "{error}");
+    }
+}
+
+#[test]
+fn maps_are_found_by_name_and_what_is_off_them_is_refused() {
+    let folder = Folder::new();
+    let (code, [output, error]) = folder.muster(&["map", "check", "flat"]);
+    assert_eq!(code, Some(0), "{error}");
+    assert!(output.contains("flat: OK: "), "{output}");
+    let locate = |argument: &'static str| vec!["map", "locate", "flat", "drive.log", argument];
+    for (arguments, says) in [
+        (vec!["map", "check", "./scenario.toml"], "unknown field"),
+        (locate("--range=nan"), "a number from 0.1 to 1000"),
+        (locate("--range=-5"), "a number from 0.1 to 1000"),
+        (locate("--start=500,0,0"), "is off the map"),
+        (
+            vec!["map", "path", "flat", "1,3.9", "500,0"],
+            "a drone can't be at",
+        ),
+    ] {
+        let (code, [_, error]) = folder.muster(&arguments);
+        assert_eq!(code, Some(2), "{arguments:?}: {error}");
         contains(&error, &[says]).unwrap();
     }
 }

@@ -39,7 +39,7 @@ fn check_says_the_verdict_first_and_the_rest_on_request() {
     for line in [
         "worst-case time to re-elect: ",
         "all landed by ",
-        "layers taking off: ",
+        "layer of drone",
     ] {
         assert_eq!(explained.matches(line).count(), 2, "{line}: {explained}");
     }

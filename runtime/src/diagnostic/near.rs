@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-/// Letters that may differ: one, and one more for every three letters.
+/// Letters that may differ: one of three, and one of shorter names.
 const LETTERS_PER_DIFFERENCE: usize = 3;
 /// The shortest part of a name that suggests the whole name.
 const PART_MIN: usize = 3;
@@ -13,7 +13,7 @@ const NAMES_MAX: usize = 10_000;
 #[must_use]
 pub fn nearest<S: AsRef<str>>(name: &str, candidates: impl IntoIterator<Item = S>) -> Option<S> {
     let name = name.to_lowercase();
-    let differences_max = 1 + name.chars().count() / LETTERS_PER_DIFFERENCE;
+    let differences_max = (name.chars().count() / LETTERS_PER_DIFFERENCE).max(1);
     let ranked = candidates.into_iter().filter_map(|candidate| {
         let other = candidate.as_ref().to_lowercase();
         let differences = strsim::osa_distance(&name, &other);
@@ -66,6 +66,8 @@ mod tests {
         assert_eq!(nearest("altitude", names), None);
         assert_eq!(did_you_mean("los", names), "; did you mean `loss`?");
         assert_eq!(did_you_mean("x", ["loss"]), "");
+        assert_eq!(nearest("here", ["share"]), None);
+        assert_eq!(nearest("flat.yaml", ["big.yaml"]), None);
     }
 
     #[test]

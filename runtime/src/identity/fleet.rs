@@ -80,7 +80,16 @@ impl Fleet {
     /// # Errors
     /// If its secret key can't be used.
     pub fn open(folder: &Path) -> Result<Self, KeysError> {
-        let key = load_secret(&folder.join("fleet.key"))?;
+        let path = folder.join("fleet.key");
+        if !path.exists() {
+            let help = format!(
+                "`muster keys fleet {}` creates a fleet's key",
+                folder.display()
+            );
+            let message = "there is no such file: this folder is not that of a fleet";
+            return Err(BadInput::without_excerpt(&path, message, help).into());
+        }
+        let key = load_secret(&path)?;
         let lock = lock(folder)?;
         let folder = folder.to_owned();
         Ok(Self {

@@ -152,6 +152,12 @@ impl Source {
         let given_outside = overrides.iter().filter(|change| !change.is_in_file);
         let given_outside = given_outside.map(|change| change.key.clone()).collect();
         for change in overrides {
+            if is_too_large(&change.value) {
+                let known = FIELDS.iter().find(|(key, _)| *key == change.key);
+                let help = known.map_or(NOT_TOML, |(_, accepted)| accepted);
+                let message = format!("{change}: the number is too large");
+                return Err(BadInput::without_excerpt(path, message, help));
+            }
             set(&mut document, &change.key, &change.value);
             shown = format!("{shown} --set {change}");
         }
@@ -217,6 +223,13 @@ pub fn is_name(path: &Path) -> bool {
 const LISTS: [&str; 5] = ["faults", "changes", "follow.pilot", "relays", "swarms"];
 
 const NOT_TOML: &str = "a scenario is a TOML file: lines `key = value` in tables like `[radio]`";
+
+/// Whether this is a whole number of more than TOML's 64 bits.
+fn is_too_large(value: &str) -> bool {
+    let digits = value.strip_prefix(['+', '-']).unwrap_or(value);
+    let is_number = !digits.is_empty() && digits.bytes().all(|it| it.is_ascii_digit());
+    is_number && value.parse::<i64>().is_err()
+}
 
 /// Sets a field of a document, in tables or inline tables. A value in the place of a table is left, so that parsing
 /// refuses it.

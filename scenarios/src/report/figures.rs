@@ -37,8 +37,8 @@ impl DroneReport {
     pub const fn kind(&self) -> Kind {
         match (self.role, self.relay) {
             (Role::Master, _) => Kind::Master,
-            (Role::Slave, true) => Kind::Relay,
-            (Role::Slave, false) => Kind::Leaf,
+            (Role::Member, true) => Kind::Relay,
+            (Role::Member, false) => Kind::Leaf,
         }
     }
 }

@@ -285,7 +285,7 @@ pub enum Role {
     /// Leads the swarm.
     Master,
     /// Follows the master's orders.
-    Slave,
+    Member,
 }
 
 /// Means over the drones of a run.

@@ -263,7 +263,11 @@ fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport 
     let received = if at_an_end { 1.0 } else { 2.0 } * flight_time_s * 5.2;
     DroneReport {
         id,
-        role: if hops == 0 { Role::Master } else { Role::Slave },
+        role: if hops == 0 {
+            Role::Master
+        } else {
+            Role::Member
+        },
         hops: u16::try_from(hops).ok(),
         parent: (hops > 0).then_some(parent),
         relay: hops > 0 && !at_an_end,

@@ -147,7 +147,7 @@ fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
     let leads = recorder.leader_of(id) == id;
     DroneReport {
         id: id.0,
-        role: if leads { Role::Master } else { Role::Slave },
+        role: if leads { Role::Master } else { Role::Member },
         hops: routes.hops,
         parent: routes.parent.map(|parent| parent.0),
         relay: routes.relay && !leads,

@@ -124,7 +124,7 @@ fn row(drone: &DroneReport) -> Row {
         } else {
             drone.id.to_string()
         },
-        if leads { "master" } else { "slave" }.to_owned(),
+        if leads { "master" } else { "member" }.to_owned(),
         drone
             .hops
             .map_or_else(|| NO_VALUE.to_owned(), |hops| hops.to_string()),

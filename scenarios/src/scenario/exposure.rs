@@ -275,18 +275,13 @@ const LISTED_PHASES_MAX: usize = 30;
 
 /// One row per phase; consecutive legs with equal values share a row.
 fn table(rows: &[Row]) -> Vec<String> {
-    let mut table = Table::new();
-    table.force_no_tty().load_style(STYLE);
-    table.set_header([
+    let mut table = bare_table([
         "phase",
         "closest over ground / in height",
         "layers",
         "out of reach",
         "exposed drones",
     ]);
-    for column in table.column_iter_mut() {
-        column.set_padding((0, 2));
-    }
     let is_leg = |row: &Row| matches!(row.kind, PhaseKind::Leg { .. });
     let alike = rows.chunk_by(|a, b| is_leg(a) && is_leg(b) && a.cells == b.cells);
     let alike: Vec<&[Row]> = alike.collect();
@@ -311,6 +306,22 @@ fn table(rows: &[Row]) -> Vec<String> {
         let cells = alike[0].cells.iter().cloned();
         table.add_row(std::iter::once(name).chain(cells));
     }
+    lines(&table)
+}
+
+/// A table without frames.
+pub(super) fn bare_table(header: impl IntoIterator<Item = &'static str>) -> Table {
+    let mut table = Table::new();
+    table.force_no_tty().load_style(STYLE);
+    table.set_header(header);
+    for column in table.column_iter_mut() {
+        column.set_padding((0, 2));
+    }
+    table
+}
+
+/// The lines of a table, without blanks at their ends.
+pub(super) fn lines(table: &Table) -> Vec<String> {
     table
         .lines()
         .map(|line| line.trim_end().to_owned())

@@ -1,6 +1,6 @@
 //! The preview of a scenario, printed by `muster check`.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use muster_machines::formation::{Change, Paths, Phase, PhaseKind};
@@ -13,6 +13,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::Scenario;
+use super::exposure::{bare_table, lines};
 use crate::segments::{Link, Segment, Segments};
 use muster_runtime::plan::layering::WavePace;
 use muster_runtime::text::{drones, figure, plural};
@@ -230,11 +231,11 @@ impl Scenario {
     fn describe_layers(&self) -> Vec<String> {
         let first = &self.plan.layout;
         let last = self.plan.changes.last().map_or(&**first, Change::layout);
-        let mut lines = vec![
-            describe_altitudes("taking off", first.take_off_layers_m()),
-            describe_altitudes("out of lockstep", &first.layers_m(&self.plan.waypoints)),
-            describe_altitudes("going to land", last.landing_layers_m()),
-        ];
+        let mut lines = describe_altitudes([
+            ("taking off", first.take_off_layers_m()),
+            ("out of lockstep", &first.layers_m(&self.plan.waypoints)),
+            ("going to land", last.landing_layers_m()),
+        ]);
         let sectors_m = self
             .plan
             .changes
@@ -310,28 +311,35 @@ fn to_millimetres(metres: f64) -> f64 {
     (metres * 1_000.0).round() / 1_000.0
 }
 
-/// Most layers that are listed.
-const LISTED_LAYERS_MAX: usize = 16;
+/// Most drones of which the layers are listed.
+const LISTED_DRONES_MAX: usize = 16;
 
-/// Drones by layer, the lowest first. Many layers are summed up: their number and the highest.
-fn describe_altitudes(when: &str, layers_m: &[f64]) -> String {
-    let mut layers: BTreeMap<u64, Vec<u32>> = BTreeMap::new();
-    for (id, layer_m) in (0..).zip(layers_m) {
-        // The bits of positive numbers have the order of the numbers.
-        layers.entry(layer_m.to_bits()).or_default().push(id);
+/// Each drone's layers, one row a drone. Those of many drones are summed up: the number of layers and the highest.
+fn describe_altitudes(phases: [(&'static str, &[f64]); 3]) -> Vec<String> {
+    let height = |layer_m: f64| format!("+{} m", to_millimetres(layer_m));
+    let drones = phases[0].1.len();
+    if drones > LISTED_DRONES_MAX {
+        let summed_up = |(when, layers_m): (&str, &[f64])| {
+            // The bits of positive numbers have the order of the numbers.
+            let layers: BTreeSet<u64> = layers_m.iter().map(|it| it.to_bits()).collect();
+            let highest_m = layers.last().map_or(0.0, |it| f64::from_bits(*it));
+            format!(
+                "layers {when}: {}, up to {}",
+                layers.len(),
+                height(highest_m)
+            )
+        };
+        return phases.map(summed_up).to_vec();
     }
-    if layers.len() > LISTED_LAYERS_MAX
-        && let Some((highest_m, _)) = layers.last_key_value()
-    {
-        let highest_m = to_millimetres(f64::from_bits(*highest_m));
-        return format!("layers {when}: {}, up to +{highest_m} m", layers.len());
+    let header = ["layer of drone"].into_iter();
+    let mut table = bare_table(header.chain(phases.map(|(when, _)| when)));
+    for drone in 0..drones {
+        let layers = phases.map(|(_, layers_m)| {
+            layers_m
+                .get(drone)
+                .map_or_else(String::new, |it| height(*it))
+        });
+        table.add_row([drone.to_string()].into_iter().chain(layers));
     }
-    let layers = layers.iter().map(|(layer_m, ids)| {
-        format!(
-            "+{} m {}",
-            to_millimetres(f64::from_bits(*layer_m)),
-            drones(ids)
-        )
-    });
-    format!("layers {when}: {}", layers.collect::<Vec<_>>().join("; "))
+    lines(&table)
 }

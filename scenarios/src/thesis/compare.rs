@@ -58,7 +58,7 @@ pub struct Experiment {
     pub table: u8,
     /// Published figures and ours.
     pub quantities: [Quantity; 4],
-    /// Flight time of each drone by the law of the thesis's tables; see [`Published::slave_s`].
+    /// Flight time of each drone by the law of the thesis's tables; see [`Published::member_s`].
     pub law_s: Vec<f64>,
     /// Our run.
     pub report: Report,
@@ -91,7 +91,7 @@ impl Experiment {
             if drone.role == Role::Master {
                 published.master_s
             } else {
-                published.slave_s(slot.0.norm())
+                published.member_s(slot.0.norm())
             }
         });
         Self {

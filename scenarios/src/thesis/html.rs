@@ -359,7 +359,7 @@ fn method(comparison: &Comparison) -> Markup {
             h2 { "Method" }
             p.about {
                 "The thesis gives means and extremes in tables, but the values of each drone in pictures only. All five "
-                "tables follow one law, which replaces the pictures here: a slave with its slot d metres from the "
+                "tables follow one law, which replaces the pictures here: a member with its slot d metres from the "
                 "master's slot flies d\u{a0}/\u{a0}10 + 12.4 seconds longer than the master, which flies 368 seconds."
             }
         }

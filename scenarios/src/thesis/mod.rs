@@ -50,11 +50,11 @@ pub struct Published {
 }
 
 impl Published {
-    /// Flight time of a slave with its slot `distance_m` metres from the master's slot, by the law of the tables.
+    /// Flight time of a member with its slot `distance_m` metres from the master's slot, by the law of the tables.
     ///
     /// It flies to its landing place beside the master at 10 m/s. 12.4 s are for acceleration, deceleration and orders.
     #[must_use]
-    pub fn slave_s(&self, distance_m: f64) -> f64 {
+    pub fn member_s(&self, distance_m: f64) -> f64 {
         self.master_s + distance_m / 10.0 + 12.4
     }
 }

@@ -15,7 +15,7 @@ fn assert_all_down_together(report: &Report) {
 }
 
 #[test]
-fn slaves_up_to_seven_hops_away_keep_formation_at_10_mps() {
+fn members_up_to_seven_hops_away_keep_formation_at_10_mps() {
     for (loss, limit_m) in [("0", 2.0), ("0.1", 4.0)] {
         for seed in 0..5 {
             let fields = [
@@ -36,14 +36,14 @@ fn slaves_up_to_seven_hops_away_keep_formation_at_10_mps() {
                 "{fields:?}: 95th percentile {} m",
                 error.p95_m
             );
-            let slaves = report.drones.iter().filter(|drone| drone.id != 7);
-            for slave in slaves {
-                let error = slave.following.unwrap();
-                assert!(error.p95_m <= limit_m, "{fields:?}: drone {}", slave.id);
+            let members = report.drones.iter().filter(|drone| drone.id != 7);
+            for member in members {
+                let error = member.following.unwrap();
+                assert!(error.p95_m <= limit_m, "{fields:?}: drone {}", member.id);
                 assert!(
                     error.followed_s > 280.0,
                     "drone {}: following time",
-                    slave.id
+                    member.id
                 );
             }
         }
@@ -90,7 +90,7 @@ fn both_engines_agree_on_following_with_and_without_crashes() {
 }
 
 #[test]
-fn slaves_of_a_silent_master_land_without_elections() {
+fn members_of_a_silent_master_land_without_elections() {
     let crashes: Vec<_> = (0..8)
         .map(|times| {
             format!(

@@ -14,7 +14,7 @@ use crate::command::terminal;
 /// Check whether a flight controller's settings are fit to fly.
 ///
 /// Each finding says what is wrong, the setting, and what to enter in Betaflight's command line to mend it; `save` keeps it.
-/// The exit code is 5 if there is one. Settings can't tell whether the craft itself is fit: motors, propellers, weight.
+/// The exit code is 5 if there is one. Settings can't tell whether the aircraft itself is fit: motors, propellers, weight.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     #[command(flatten)]

@@ -3,9 +3,9 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use muster_indoor::map::{Map, State};
 use muster_runtime::diagnostic::BadInput;
-use muster_runtime::map_file;
 use muster_runtime::text::figure;
 
+use super::place;
 use crate::command::{Failure, Outcome, describe_each};
 
 /// Check maps, and print what is on them.
@@ -13,10 +13,10 @@ use crate::command::{Failure, Outcome, describe_each};
 /// All files are checked, even after an error. One line says whether a map is OK and how large it is.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  muster map check floor.yaml
+  muster map check flat
   muster map check maps/*.yaml")]
 pub(super) struct Arguments {
-    /// Maps: YAML files as of ROS's map_server, each beside its image.
+    /// Maps' YAML files, flats' TOML files, or names of shipped flats.
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
 }
@@ -26,7 +26,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 }
 
 fn describe(file: &Path) -> Result<String, BadInput> {
-    let map = map_file::load(file)?;
+    let (_, map) = place::map(file)?;
     let area_m2 = |cells: usize| cells as f64 * map.resolution_m() * map.resolution_m();
     let share = |state: State| {
         let cells = map.cells().filter(|cell| map.state(*cell) == state).count();

@@ -59,19 +59,22 @@ fn range(text: &str) -> Result<f64, String> {
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (name, map) = place::map(&arguments.map)?;
     let floor = Floor::new(map, arguments.radius);
-    let refuse = |message: String| {
-        let help = "--start takes a place on the map that is clear of walls";
-        BadInput::without_excerpt(&arguments.map, message, help)
-    };
     let start = arguments.start.or_else(|| middle(&floor));
-    let start = start.ok_or_else(|| refuse("a drone can't be anywhere on this map".to_owned()))?;
+    let start = start.ok_or_else(|| {
+        let message = "a drone can't be anywhere on this map";
+        let help = "a map with free cells, or a smaller --radius";
+        BadInput::without_excerpt(&arguments.map, message, help)
+    })?;
     let starts = vec![start; arguments.drones.get()];
     let view = View {
         range_m: arguments.range,
         cone_rad: std::f64::consts::TAU,
     };
     let planned = coverage::plan(&floor, view, &starts, TURN_M);
-    let (tours, places) = planned.map_err(|error| refuse(error.to_string()))?;
+    let (tours, places) = planned.map_err(|error| {
+        let help = error.accepted();
+        BadInput::without_excerpt(&arguments.map, error, help)
+    })?;
     let ways: Vec<Vec<MapXy>> = tours.iter().map(|tour| flown(&floor, tour)).collect();
     let page = page::cover(&name, floor.map(), &tours, &ways, &places);
     let written = place::write(arguments.out.as_deref(), &name, "cover", &page)?;

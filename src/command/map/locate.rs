@@ -11,6 +11,7 @@ use muster_runtime::map_file;
 use muster_scenarios::localisation::{self, Question, Start, Track};
 use muster_scenarios::report;
 
+use super::place;
 use crate::command::{Failure, Outcome, folder, terminal};
 
 /// Find the place of a drive on a map: a particle filter over a log of laser scans.
@@ -24,7 +25,7 @@ use crate::command::{Failure, Outcome, folder, terminal};
   muster map locate floor.yaml drive.log
   muster map locate malaga_map.yaml malaga_scans.txt --laser 0.7,0,0 --end 15.91,-10.01,4.9")]
 pub(super) struct Arguments {
-    /// The map: a YAML file as of ROS's map_server.
+    /// A map's YAML file, a flat's TOML file, or the name of a shipped flat.
     #[arg(value_name = "MAP")]
     map: PathBuf,
     /// The log of scans and odometry.
@@ -42,8 +43,8 @@ pub(super) struct Arguments {
     /// Pose of the laser on the drone: metres forward, metres left, degrees.
     #[arg(long, value_name = "X,Y,DEG", value_parser = numbers::<3>, allow_hyphen_values = true, default_value = "0,0,0")]
     laser: [f64; 3],
-    /// Range of the laser, metres; longer ranges are no return.
-    #[arg(long, value_name = "M", default_value_t = 80.0)]
+    /// Range of the laser, metres, 0.1 to 1,000; longer ranges are no return.
+    #[arg(long, value_name = "M", value_parser = range, default_value_t = 80.0)]
     range: f64,
     /// Most particles.
     #[arg(long, value_name = "N", default_value_t = Config::default().max_particles as u32, value_parser = clap::value_parser!(u32).range(1_000..=1_000_000))]
@@ -60,7 +61,14 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let map = map_file::load(&arguments.map)?;
+    let (_, map) = place::map(&arguments.map)?;
+    if let Some(start) = arguments.start.map(pose)
+        && map.cell(start.at).is_none()
+    {
+        let message = format!("--start {:?} is off the map", start.at);
+        let help = "--start takes a place on the map, in metres of its frame, and degrees";
+        return Err(BadInput::without_excerpt(&arguments.map, message, help).into());
+    }
     let text = read_text(&arguments.log)?;
     let refused = |refusal| map_file::refused(&arguments.log, &text, refusal);
     let log = log::parse(&text).map_err(refused)?;
@@ -113,6 +121,10 @@ impl Arguments {
             end: self.end.map(pose),
         }
     }
+}
+
+fn range(text: &str) -> Result<f64, String> {
+    place::within(text, 0.1, 1_000.0)
 }
 
 fn pose([x_m, y_m, heading_deg]: [f64; 3]) -> MapPose {

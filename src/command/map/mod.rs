@@ -14,11 +14,11 @@ use super::{Failure, Outcome};
 
 /// Check maps of buildings, find drones and ways on them, and patrol them.
 ///
-/// A map is a file as ROS's map_server has it: YAML with a PGM or PNG image. Its field `plan` draws a floor as text instead. For
-/// ways and patrols, a single word without a dot is the name of a shipped flat.
+/// A map is a file as ROS's map_server has it: YAML with a PGM or PNG image. Its field `plan` draws a floor as text instead. A
+/// single word without a dot is the name of a shipped flat.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
-  muster map check floor.yaml
+  muster map check flat
   muster map locate floor.yaml drive.log --seed 7
   muster map path flat 1,3.9 9,7
   muster map cover flat --drones 2
