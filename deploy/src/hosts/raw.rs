@@ -56,13 +56,13 @@ pub(super) struct Raw {
 pub(super) struct Gate {
     /// Time for all drones of a host to be healthy and to have heard the others, in seconds.
     #[schemars(extend(
-        "x-accepted" = "a whole number from 1 to 3600",
+        "x-accepted" = "a whole number from 1 to 3600, in seconds",
         "x-default" = "60"
     ))]
     pub(super) within_s: Option<Located<u32>>,
     /// Time that they must then stay so, in seconds.
     #[schemars(extend(
-        "x-accepted" = "a whole number from 0 to 3600",
+        "x-accepted" = "a whole number from 0 to 3600, in seconds",
         "x-default" = "10"
     ))]
     pub(super) hold_s: Option<Located<u32>>,
