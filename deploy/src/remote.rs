@@ -1,6 +1,7 @@
 //! Commands on other hosts, over a command that runs others there.
 
-use std::io::{self, Write};
+use std::io::{self, BufRead, Read, Write};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread;
 
@@ -8,6 +9,38 @@ use thiserror::Error;
 
 /// Exit code of ssh without a connection.
 pub(crate) const NO_CONNECTION: i32 = 255;
+
+/// The longest line that is read, in bytes; the rest of it counts as another line.
+const LINE_MAX: u64 = 4 * 1_024 * 1_024;
+/// The longest output of a command, in bytes.
+const OUTPUT_MAX: u64 = 512 * 1_024 * 1_024;
+
+/// Lines of what a host sends, each of limited length. They end with the input, or at its first error.
+pub(crate) struct Lines<R>(pub(crate) R);
+
+impl<R: BufRead> Iterator for Lines<R> {
+    type Item = String;
+
+    fn next(&mut self) -> Option<String> {
+        let mut line = Vec::new();
+        let mut limited = (&mut self.0).take(LINE_MAX);
+        limited
+            .read_until(b'\n', &mut line)
+            .ok()
+            .filter(|read| *read > 0)?;
+        Some(String::from_utf8_lossy(&line).trim_end().to_owned())
+    }
+}
+
+/// The command that reaches a host, with a connection of its own: ssh may otherwise share one that was there before.
+pub(crate) fn own_connection(run: &[String]) -> Vec<String> {
+    let mut own = run.to_vec();
+    if run.first().is_some_and(|it| Path::new(it).ends_with("ssh")) {
+        // The first setting counts.
+        own.splice(1..1, ["-o", "ControlPath=none"].map(str::to_owned));
+    }
+    own
+}
 
 /// Why a command on a host did not succeed.
 #[derive(Debug, Error)]
@@ -42,29 +75,51 @@ pub(crate) fn command(run: &[String], words: &[&str]) -> Command {
 /// Runs a command on a host with this input. Returns what it prints.
 pub(crate) fn output(run: &[String], words: &[&str], input: &[u8]) -> Result<Vec<u8>, RemoteError> {
     let lost = |error: io::Error| RemoteError::Lost(error.to_string());
+    let failed = |why: String, code| RemoteError::Failed {
+        command: words.join(" "),
+        why,
+        code,
+    };
     let mut child = command(run, words).spawn().map_err(lost)?;
     let mut stdin = child.stdin.take().expect("stdin is piped");
-    let output = thread::scope(|scope| {
+    let stdout = child.stdout.take().expect("stdout is piped");
+    let stderr = child.stderr.take().expect("stderr is piped");
+    let (printed, why) = thread::scope(|scope| {
         scope.spawn(move || {
             // A command that does not read its input fails by itself.
             let _ = stdin.write_all(input);
         });
-        child.wait_with_output()
+        let errors = scope.spawn(|| last_line(io::BufReader::new(stderr)));
+        let printed = read_all(stdout, OUTPUT_MAX);
+        if !matches!(printed, Ok(Some(_))) {
+            let _ = child.kill();
+        }
+        (printed, errors.join().unwrap_or_default())
     });
-    let output = output.map_err(lost)?;
-    if output.status.success() {
-        return Ok(output.stdout);
-    }
-    let why = String::from_utf8_lossy(&output.stderr);
-    let why = why.trim().lines().last().unwrap_or_default().to_owned();
-    match output.status.code() {
+    let status = child.wait().map_err(lost)?;
+    let Some(printed) = printed.map_err(lost)? else {
+        return Err(failed(format!("prints more than {OUTPUT_MAX} bytes"), None));
+    };
+    match status.code() {
+        Some(0) => Ok(printed),
         Some(NO_CONNECTION) => Err(RemoteError::Lost(why)),
-        code => Err(RemoteError::Failed {
-            command: words.join(" "),
-            why,
-            code,
-        }),
+        code => Err(failed(why, code)),
     }
+}
+
+/// Reads to the end. `None` if that is more than `max` bytes.
+fn read_all(from: impl Read, max: u64) -> io::Result<Option<Vec<u8>>> {
+    let mut bytes = Vec::new();
+    let read = from.take(max + 1).read_to_end(&mut bytes)?;
+    Ok((read as u64 <= max).then_some(bytes))
+}
+
+/// Reads to the end and returns the last line that is not blank.
+pub(crate) fn last_line(errors: impl BufRead) -> String {
+    Lines(errors)
+        .filter(|line| !line.trim().is_empty())
+        .last()
+        .unwrap_or_default()
 }
 
 /// As [`output`], for one line of text.
@@ -95,4 +150,57 @@ pub fn pass_through(run: &[String], words: &[&str]) -> io::Result<bool> {
         .stdout(Stdio::inherit())
         .stderr(Stdio::inherit());
     Ok(command.status()?.success())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn endless_line_is_read_in_parts() {
+        let endless = io::BufReader::new(io::repeat(b'x'));
+        let first = Lines(endless).next().unwrap();
+        assert_eq!(first.len() as u64, LINE_MAX);
+        let lines: Vec<_> = Lines(&b"one\r\n\ntwo"[..]).collect();
+        assert_eq!(lines, ["one", "", "two"]);
+    }
+
+    #[test]
+    fn endless_output_is_refused() {
+        assert_eq!(read_all(io::repeat(b'x'), 10).unwrap(), None);
+        assert_eq!(read_all(&b"0123456789"[..], 10).unwrap().unwrap().len(), 10);
+    }
+
+    #[test]
+    fn command_gives_its_output_or_the_last_line_of_its_errors() {
+        let here: [String; 0] = [];
+        assert_eq!(output(&here, &["cat"], b"input").unwrap(), b"input");
+        let failed = output(
+            &here,
+            &["sh", "-c", "echo one >&2; echo two >&2; exit 3"],
+            &[],
+        );
+        let words = failed.unwrap_err().to_string();
+        assert!(words.ends_with("two"), "{words}");
+    }
+
+    #[test]
+    fn own_connection_shares_none_of_ssh() {
+        let words = |words: &[&str]| words.iter().map(ToString::to_string).collect::<Vec<_>>();
+        let own = own_connection(&words(&["/usr/bin/ssh", "-F", "config", "pi@a"]));
+        let expected = [
+            "/usr/bin/ssh",
+            "-o",
+            "ControlPath=none",
+            "-F",
+            "config",
+            "pi@a",
+        ];
+        assert_eq!(own, words(&expected));
+        assert_eq!(
+            own_connection(&words(&["nsenter", "-t", "1"])),
+            words(&["nsenter", "-t", "1"])
+        );
+        assert!(own_connection(&[]).is_empty());
+    }
 }

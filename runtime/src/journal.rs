@@ -24,6 +24,7 @@ use std::{fs, io};
 
 pub use folder::{Folder, FolderError};
 pub use memory::MemoryStorage;
+use muster_machines::mission::State;
 use muster_machines::node::{Checkpoint, Checkpoints};
 use serde::{Deserialize, Serialize};
 pub use writer::{WriteReport, Writer};
@@ -216,6 +217,18 @@ pub fn peek(folder: &Path) -> io::Result<Option<Checkpoints>> {
         Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error),
     }
+}
+
+/// Whether the flight of the journal in a folder never began: the journal is intact, and the drone has heard of no master.
+#[must_use]
+pub fn is_unused(folder: &Path) -> bool {
+    let Ok(bytes) = fs::read(folder.join(folder::FILE)) else {
+        return false;
+    };
+    let contents = Contents::decode(&bytes, 0);
+    let is_intact = contents.boot > 0 && contents.defect.is_none() && contents.unknown.is_empty();
+    let checkpoints = &contents.checkpoints;
+    is_intact && checkpoints.state() == State::Start && !checkpoints.is_flight_ongoing()
 }
 
 fn invalid_data(message: String) -> io::Error {

@@ -122,9 +122,12 @@ class Host:
         return self.ssh("systemctl", "is-system-running", check=False).stdout.strip() in ["running", "degraded"]
 
     def slot(self, link):
-        """The slot that a link leads to, by name."""
+        """The slot that a link leads to, by name. `None` if it leads nowhere."""
         path = self.root / "opt/muster" / link
-        return path.readlink().name if path.is_symlink() else None
+        if not path.is_symlink():
+            return None
+        name = path.readlink().name
+        return name if (self.root / "opt/muster/slots" / name / "musterd").is_file() else None
 
     def end(self):
         self.is_wanted = False

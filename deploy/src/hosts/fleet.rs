@@ -76,6 +76,12 @@ pub struct Wave {
     pub dropped_per_s_max: f64,
 }
 
+/// Longest times of a gate, in seconds: an hour.
+const GATE_MAX_S: u32 = 3_600;
+/// Time for a release to prove itself, by default, in seconds.
+const WITHIN_S: u32 = 60;
+/// Time that it must then stay healthy, by default, in seconds.
+const HOLD_S: u32 = 10;
 /// Longest soak, in seconds: a day.
 const SOAK_MAX_S: u32 = 86_400;
 /// Soak by default.
@@ -133,11 +139,27 @@ impl File {
             keys: self.0.resolve(keys),
             transport: raw.transport.unwrap_or(TransportName::Udp),
             flight: raw.flight.as_ref().map(|it| *it.get_ref()),
-            gate: GateLimits {
-                within_s: raw.gate.within_s,
-                hold_s: raw.gate.hold_s,
-            },
+            gate: self.gate()?,
             network,
+        })
+    }
+
+    fn gate(&self) -> Result<GateLimits, BadInput> {
+        let gate = &self.0.raw.gate;
+        let seconds = |field: &Option<Located<u32>>, name: &str, default: u32, min: u32| match field
+        {
+            None => Ok(default),
+            Some(given) if (min..=GATE_MAX_S).contains(given.get_ref()) => Ok(*given.get_ref()),
+            Some(given) => {
+                let found = given.get_ref();
+                let message =
+                    format!("`{name}` needs a number from {min} to {GATE_MAX_S}, found {found}");
+                Err(self.0.error(given.span(), &message))
+            }
+        };
+        Ok(GateLimits {
+            within_s: seconds(&gate.within_s, "within_s", WITHIN_S, 1)?,
+            hold_s: seconds(&gate.hold_s, "hold_s", HOLD_S, 0)?,
         })
     }
 

@@ -51,24 +51,21 @@ pub(super) struct Raw {
 }
 
 /// When a release counts as good on a host; for `muster deploy`.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+#[derive(Debug, Default, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default, expecting = "a table, `[gate]`")]
 pub(super) struct Gate {
     /// Time for all drones of a host to be healthy and to have heard the others, in seconds.
-    #[schemars(range(min = 1, max = 3_600))]
-    pub(super) within_s: u32,
+    #[schemars(extend(
+        "x-accepted" = "a whole number from 1 to 3600, in seconds",
+        "x-default" = "60"
+    ))]
+    pub(super) within_s: Option<Located<u32>>,
     /// Time that they must then stay so, in seconds.
-    #[schemars(range(min = 0, max = 3_600))]
-    pub(super) hold_s: u32,
-}
-
-impl Default for Gate {
-    fn default() -> Self {
-        Self {
-            within_s: 60,
-            hold_s: 10,
-        }
-    }
+    #[schemars(extend(
+        "x-accepted" = "a whole number from 0 to 3600, in seconds",
+        "x-default" = "10"
+    ))]
+    pub(super) hold_s: Option<Located<u32>>,
 }
 
 /// The waves of a rollout, in their order; for `muster deploy`. Without them the first host is the first wave, the others are

@@ -3,14 +3,12 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use flate2::read::GzDecoder;
 use flate2::{Compression, GzBuilder};
 use muster_runtime::diagnostic::BadInput;
-use muster_runtime::identity::{
-    FleetKey, MANIFEST_MAX, Manifest, RELEASE_FILE_MAX, ReleaseFile, is_plain,
-};
+use muster_runtime::identity::{FleetKey, MANIFEST_MAX, Manifest, ReleaseFile};
 
 /// Path of the manifest in an archive.
 const MANIFEST: &str = "manifest.toml";
@@ -78,19 +76,20 @@ impl Release {
             BadInput::without_excerpt(path, message, help)
         };
         let file = File::open(path).map_err(|error| refuse(&error.to_string()))?;
-        let mut files =
-            unpack(file).map_err(|error| refuse(&format!("can't be unpacked: {error}")))?;
-        let text = files
-            .remove(MANIFEST)
-            .and_then(|it| String::from_utf8(it).ok());
-        let text = text.ok_or_else(|| refuse("has no manifest"))?;
+        let broken = |error: io::Error| refuse(&format!("can't be unpacked: {error}"));
+        let mut archive = tar::Archive::new(GzDecoder::new(BufReader::new(file)));
+        // Raw: the names of entries take no space of their own. What is not signed is not unpacked.
+        let mut entries = archive.entries().map_err(broken)?.raw(true);
+        let text = first(&mut entries).map_err(broken)?;
+        let text = text.ok_or_else(|| refuse("does not begin with a manifest"))?;
         let manifest = Manifest::parse(&path.join(MANIFEST), text.clone(), fleet)?;
-        let is: BTreeMap<_, _> = files
-            .iter()
-            .map(|(path, it)| (path.clone(), ReleaseFile::of(it)))
-            .collect();
-        if is != manifest.files {
-            return Err(refuse("has other files than its manifest names"));
+        let files = unpack(entries, &manifest).map_err(broken)?;
+        let files = files.ok_or_else(|| refuse("has other files than its manifest names"))?;
+        // The checksum of all bytes is at the end.
+        let mut rest = archive.into_inner().take(TRAILER_MAX);
+        let read = io::copy(&mut rest, &mut io::sink());
+        if read.map_err(broken)? == TRAILER_MAX {
+            return Err(refuse("goes on after its last file"));
         }
         Ok(Self {
             manifest,
@@ -107,34 +106,45 @@ impl Release {
     }
 }
 
-/// The most files that are unpacked.
-const FILES_MAX: usize = 128;
+/// The longest end of an archive, in bytes: tar fills its last 10 KiB.
+const TRAILER_MAX: u64 = 64 * 1_024;
 
-fn unpack(file: File) -> io::Result<BTreeMap<String, Vec<u8>>> {
-    let mut archive = tar::Archive::new(GzDecoder::new(BufReader::new(file)));
+/// Text of the manifest, if it is the first file.
+fn first(entries: &mut tar::Entries<'_, impl Read>) -> io::Result<Option<String>> {
+    let Some(entry) = entries.next() else {
+        return Ok(None);
+    };
+    let entry = entry?;
+    let is_manifest = entry.path()?.as_ref() == Path::new(MANIFEST);
+    if !is_manifest || entry.size() > MANIFEST_MAX as u64 {
+        return Ok(None);
+    }
+    Ok(Some(io::read_to_string(entry)?))
+}
+
+/// The files that a manifest names, each with its length and hash. `None` if others are there.
+fn unpack(
+    entries: tar::Entries<'_, impl Read>,
+    manifest: &Manifest,
+) -> io::Result<Option<BTreeMap<String, Vec<u8>>>> {
     let mut files = BTreeMap::new();
-    for entry in archive.entries()? {
+    for entry in entries {
         let mut entry = entry?;
-        let path: PathBuf = entry.path()?.into_owned();
-        let path = path.to_string_lossy().into_owned();
-        let max = if path == MANIFEST {
-            MANIFEST_MAX as u64
-        } else {
-            RELEASE_FILE_MAX
-        };
+        let path = entry.path()?.to_string_lossy().into_owned();
         let is_file = entry.header().entry_type().is_file();
-        if !is_plain(&path) || !is_file || entry.size() > max || files.len() == FILES_MAX {
-            return Err(io::Error::other(format!(
-                "\"{path}\" is not a file of a release"
-            )));
-        }
+        let listed = manifest
+            .files
+            .get(&path)
+            .filter(|it| is_file && it.bytes == entry.size());
+        let Some(listed) = listed else {
+            return Ok(None);
+        };
         let mut content = Vec::new();
         entry.read_to_end(&mut content)?;
-        if files.insert(path.clone(), content).is_some() {
-            return Err(io::Error::other(format!("\"{path}\" is there twice")));
+        let is_same = ReleaseFile::of(&content) == *listed;
+        if !is_same || files.insert(path, content).is_some() {
+            return Ok(None);
         }
     }
-    // The checksum of all bytes is at the end.
-    io::copy(&mut archive.into_inner(), &mut io::sink())?;
-    Ok(files)
+    Ok((files.len() == manifest.files.len()).then_some(files))
 }

@@ -133,6 +133,55 @@ fn archive_with_another_file_than_its_manifest_names_is_refused() {
     }
 }
 
+/// Whoever has no key makes nobody unpack gigabytes.
+#[test]
+fn archive_is_unpacked_only_as_far_as_its_manifest_is_signed() {
+    let folder = bench();
+    let written = pack(&folder, "out").unwrap();
+    let release = Release::load(&written[0], &fleet_key(&folder)).unwrap();
+    let mut files = release.files;
+    // The end of the archive is cut off, so an error of reading shows how far it was read.
+    files.insert("x86_64/more".to_owned(), vec![0; 1_024 * 1_024]);
+    let mut bytes = Vec::new();
+    archive::write(&release.manifest_text, &files, &mut bytes).unwrap();
+    bytes.truncate(bytes.len() - 8);
+    let path = folder.path().join("cut.tar.gz");
+    fs::write(&path, bytes).unwrap();
+    let other = bench();
+    let refused = Release::load(&path, &fleet_key(&other)).unwrap_err();
+    let refused = refused.rendered();
+    assert!(
+        refused.contains("the signature does not match"),
+        "{refused}"
+    );
+    let refused = Release::load(&path, &fleet_key(&folder)).unwrap_err();
+    let refused = refused.rendered();
+    assert!(
+        refused.contains("other files than its manifest names"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn archive_that_does_not_end_is_refused() {
+    let folder = bench();
+    let written = pack(&folder, "out").unwrap();
+    let mut tar = Vec::new();
+    let packed = fs::File::open(&written[0]).unwrap();
+    flate2::read::GzDecoder::new(packed)
+        .read_to_end(&mut tar)
+        .unwrap();
+    tar.resize(tar.len() + 1_024 * 1_024, 0);
+    let path = folder.path().join("endless.tar.gz");
+    let file = fs::File::create(&path).unwrap();
+    let mut gzip = flate2::write::GzEncoder::new(file, flate2::Compression::default());
+    io::Write::write_all(&mut gzip, &tar).unwrap();
+    gzip.finish().unwrap();
+    let refused = Release::load(&path, &fleet_key(&folder)).unwrap_err();
+    let refused = refused.rendered();
+    assert!(refused.contains("goes on after its last file"), "{refused}");
+}
+
 #[test]
 fn no_secret_is_in_a_release() {
     let folder = bench();

@@ -1,16 +1,18 @@
 //! Carries out a rollout: a thread a host, and one place that decides.
 
 use std::collections::BTreeSet;
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use muster_daemon::slots::protocol::SlotOrder;
 use muster_daemon::slots::{DroneHealth, HostFacts};
 use serde::Serialize;
 
 use super::desired::Desired;
 use super::look::{look_at, named, of_host, on_all};
-use super::plan::{HostPlan, Work};
+use super::plan::{HostPlan, Place, Work, waits_for};
 use super::session::{Session, SessionError};
 use super::waves::{Action, Event, HostState, Rollout, Sight};
 use super::worker::{self, Job, Report, Worker, is_well};
@@ -89,7 +91,18 @@ pub fn apply(
     request: &ApplyRequest<'_>,
     watch: &mut dyn FnMut(Progress<'_>),
 ) -> (Vec<Applied>, Option<String>) {
-    let begun = on_all(request.fleet, |nth, _| begin(request, nth));
+    let waiting = AtomicUsize::new(request.fleet.hosts.len());
+    let begun = on_all(request.fleet, |nth, _| {
+        let begun = begin(request, nth);
+        waiting.fetch_sub(1, Ordering::Relaxed);
+        let (mut session, facts) = begun?;
+        // A host on trial keeps the others waiting, and a host ends a session that is silent.
+        while waiting.load(Ordering::Relaxed) > 0 {
+            session.ask(&SlotOrder::Ping)?;
+            thread::sleep(PERIOD);
+        }
+        Ok((session, facts))
+    });
     let (sender, reports) = channel();
     let mut found = Vec::new();
     thread::scope(|scope| {
@@ -182,11 +195,29 @@ impl<'a> Applying<'a> {
         });
         let in_flight = plans.iter().map(|plan| plan.in_flight.len());
         let hosts = jobs.len();
+        let places: Vec<_> = request
+            .fleet
+            .hosts
+            .iter()
+            .zip(request.desired)
+            .zip(&facts)
+            .collect();
+        let places = places.iter().map(|((host, desired), facts)| {
+            let current = facts.as_ref().and_then(|it| it.current.as_ref());
+            let has = current.iter().flat_map(|it| it.drones.keys()).copied();
+            Place {
+                host: &host.name,
+                wants: desired.facts.drones.keys().copied().collect(),
+                has: has.collect(),
+            }
+        });
+        let waits_for = waits_for(&places.collect::<Vec<_>>());
         Self {
             rollout: Rollout::new(
                 request.fleet.waves.clone(),
                 states.collect(),
                 in_flight.collect(),
+                waits_for,
                 request.keep_flying,
             ),
             request,
@@ -278,11 +309,17 @@ impl<'a> Applying<'a> {
         let now = self.start.elapsed();
         let event = match report {
             Report::Phase(words) => return self.say(host, words.to_owned(), watch),
-            Report::Away(why) => Event::Seen(Sight {
-                in_flight: self.plans[host].in_flight.len(),
-                complaint: Some(why),
-                dropped_per_s: 0.0,
-            }),
+            Report::Away(why) => {
+                if let Some(facts) = &mut self.facts[host] {
+                    // A new release need not prove itself to drones that nobody sees.
+                    facts.drones.clear();
+                }
+                Event::Seen(Sight {
+                    in_flight: None,
+                    complaint: Some(why),
+                    dropped_per_s: 0.0,
+                })
+            }
             Report::Facts(facts) => Event::Seen(self.sight(host, *facts)),
             Report::Changed(facts) => {
                 self.restarts[host] = Some(restarts(&facts));
@@ -293,6 +330,14 @@ impl<'a> Applying<'a> {
             Report::Failed(why) => {
                 self.say(host, format!("went back: {why}"), watch);
                 Event::Failed(why)
+            }
+            Report::Deferred => {
+                self.say(host, "its drones took off".to_owned(), watch);
+                Event::Deferred
+            }
+            Report::Blocked(why) => {
+                self.say(host, format!("is left out: {why}"), watch);
+                Event::Blocked(why)
             }
             Report::TakenBack(result) => {
                 self.say(host, "was taken back".to_owned(), watch);
@@ -320,11 +365,13 @@ impl<'a> Applying<'a> {
             more / at.elapsed().as_secs_f64().max(0.1)
         });
         let sight = Sight {
-            in_flight: facts
-                .drones
-                .values()
-                .filter(|drone| drone.in_flight)
-                .count(),
+            in_flight: Some(
+                facts
+                    .drones
+                    .values()
+                    .filter(|drone| drone.in_flight)
+                    .count(),
+            ),
             complaint: complaint(&facts).or_else(|| {
                 let more = self.restarts[host].is_some_and(|before| restarts(&facts) > before);
                 more.then(|| "a drone's process was started again".to_owned())

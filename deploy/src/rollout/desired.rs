@@ -9,7 +9,7 @@ use muster_daemon::config::{StageName, TransportName};
 use muster_daemon::slots::{Incoming, IncomingFile, SlotFacts, configuration_digest};
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, read_text};
-use muster_runtime::identity::{ReleaseFile, Roster, hex};
+use muster_runtime::identity::{DroneKey, ReleaseFile, Roster, hex, is_plain};
 use muster_scenarios::scenario;
 
 use crate::drone_file::{DroneFile, Keys, LogFormat, Network, Observe};
@@ -77,6 +77,15 @@ fn shared(fleet: &Fleet) -> Result<BTreeMap<String, Vec<u8>>, BadInput> {
         files.insert(format!("config/{name}"), text.into_bytes());
     }
     for (name, text) in scenario::side_by_side(&fleet.scenario_path, &[])? {
+        if !is_plain(&name) {
+            let message = format!("no file of a host can have the name \"{name}\"");
+            let help = "name it with letters, digits and `._@+-`, beginning with a letter or digit";
+            return Err(BadInput::without_excerpt(
+                &fleet.scenario_path,
+                message,
+                help,
+            ));
+        }
         files.insert(format!("config/{name}"), text.into_bytes());
     }
     Ok(files)
@@ -103,6 +112,8 @@ fn add_drone(
         files.insert(format!("config/{name}"), content);
         Ok(())
     };
+    // Refuses a key that others can read.
+    DroneKey::load(&fleet.keys.join(&key))?;
     put(&key)?;
     let needs_grant = matches!(host.stage, StageName::Tethered | StageName::Flight);
     if needs_grant {
@@ -228,3 +239,6 @@ pub fn check_roster(fleet: &Fleet, roster: &Roster) -> Result<(), BadInput> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

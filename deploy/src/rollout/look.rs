@@ -11,6 +11,7 @@ use super::session::{Session, SessionError};
 use super::worker;
 use crate::hosts::{Fleet, FleetHost};
 use crate::release::Release;
+use crate::remote::own_connection;
 
 /// A host and what it says of itself.
 #[derive(Debug)]
@@ -163,6 +164,8 @@ pub fn audit(
     fixes: Option<&str>,
     asks_for_updates: bool,
 ) -> Vec<(String, Result<Vec<Finding>, SessionError>)> {
+    // Only a new login shows that the operator is not locked out.
+    let fleet = &with_own_connections(fleet);
     let audited = on_all(fleet, |_, host| {
         let open = || {
             let mut session = match release {
@@ -181,6 +184,15 @@ pub fn audit(
     });
     let names = fleet.hosts.iter().map(|host| host.name.clone());
     names.zip(audited).collect()
+}
+
+/// The fleet, reached by connections that no other command shares.
+fn with_own_connections(fleet: &Fleet) -> Fleet {
+    let mut fleet = fleet.clone();
+    for host in &mut fleet.hosts {
+        host.run = own_connection(&host.run);
+    }
+    fleet
 }
 
 fn findings(mut session: Session, order: &SlotOrder) -> Result<Vec<Finding>, SessionError> {

@@ -1,5 +1,7 @@
 //! What a rollout would change on a host, and why.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use muster_daemon::slots::HostFacts;
 use serde::Serialize;
 
@@ -113,4 +115,55 @@ fn notes(desired: &Desired, found: &HostFacts, work: &Work) -> Vec<String> {
         notes.push(message.to_owned());
     }
     notes
+}
+
+/// A host and its drones.
+pub(super) struct Place<'a> {
+    /// Name of the host.
+    pub(super) host: &'a str,
+    /// Drones that it should have.
+    pub(super) wants: BTreeSet<u32>,
+    /// Drones of its running slot.
+    pub(super) has: BTreeSet<u32>,
+}
+
+/// For each host, the hosts that must be changed before it, and why: they lose a drone that it gets, and no drone may run
+/// twice.
+pub(super) fn waits_for(places: &[Place<'_>]) -> Vec<BTreeMap<usize, String>> {
+    let waits = places.iter().enumerate().map(|(nth, place)| {
+        let others = places.iter().enumerate().filter(|(other, _)| *other != nth);
+        let losing = others.filter_map(|(other, at)| {
+            let mut lost = at.has.difference(&at.wants);
+            let moved = lost.find(|id| place.wants.contains(id) && !place.has.contains(id))?;
+            let why = format!(
+                "drone {moved} still runs on {}, which must be changed first",
+                at.host
+            );
+            Some((other, why))
+        });
+        losing.collect()
+    });
+    waits.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn host_that_gets_a_drone_waits_for_the_one_that_loses_it() {
+        let place = |host, has: &[u32], wants: &[u32]| Place {
+            host,
+            wants: wants.iter().copied().collect(),
+            has: has.iter().copied().collect(),
+        };
+        let moved = waits_for(&[
+            place("a", &[0], &[0, 1]),
+            place("b", &[1, 2], &[2]),
+            place("c", &[3], &[3]),
+        ]);
+        let why = "drone 1 still runs on b, which must be changed first";
+        let expected = [(1, why.to_owned())].into();
+        assert_eq!(moved, [expected, BTreeMap::new(), BTreeMap::new()]);
+    }
 }

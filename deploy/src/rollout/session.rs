@@ -1,15 +1,17 @@
 //! A session with a host over the command that runs others there, ssh as a rule.
 
-use std::io::{self, BufRead, BufReader, Read, Write};
+use std::io::{self, BufReader, Write};
 use std::process::Child;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use muster_daemon::slots::protocol::{PROTOCOL, SlotOrder, SlotReply};
 use thiserror::Error;
 
-use crate::remote::{NO_CONNECTION, RemoteError, command, line, output, temporary_folder, upload};
+use crate::remote::{
+    Lines, NO_CONNECTION, RemoteError, command, last_line, line, output, temporary_folder, upload,
+};
 
 /// The good release's program on a host.
 const INSTALLED: &str = "/opt/muster/good/musterd";
@@ -19,6 +21,8 @@ const ANSWER_MAX: Duration = Duration::from_secs(30);
 const SLOWEST: u64 = 20_000;
 /// Time for a command to end once its output has.
 const EXIT_MAX: Duration = Duration::from_secs(2);
+/// Lines of a host that wait to be read; the host waits for the rest.
+const LINES_MAX: usize = 64;
 /// Time between two looks whether it has.
 const EXIT_PERIOD: Duration = Duration::from_millis(10);
 
@@ -69,8 +73,20 @@ pub(super) struct Session {
     errors: Option<thread::JoinHandle<String>>,
     /// The host's processor.
     pub(super) processor: String,
-    /// The temporary folder of the program there, removed at the end.
-    temporary: Option<(Vec<String>, String)>,
+    /// The folder of the program there.
+    temporary: Option<Temporary>,
+}
+
+/// A temporary folder on a host, removed at the end.
+struct Temporary {
+    run: Vec<String>,
+    folder: String,
+}
+
+impl Drop for Temporary {
+    fn drop(&mut self) {
+        let _ = output(&self.run, &["rm", "-r", &self.folder], &[]);
+    }
 }
 
 impl Session {
@@ -105,12 +121,15 @@ impl Session {
         let machine = line(run, &["uname", "-m"])?;
         let program = programs(&machine);
         let program = program.ok_or(SessionError::OtherProcessor(machine))?;
-        let folder = temporary_folder(run)?;
-        let path = format!("{folder}/musterd");
+        let temporary = Temporary {
+            run: run.to_vec(),
+            folder: temporary_folder(run)?,
+        };
+        let path = format!("{}/musterd", temporary.folder);
         upload(run, &path, program)?;
         output(run, &["chmod", "700", &path], &[])?;
         let mut session = Self::of_program(run, &path)?;
-        session.temporary = Some((run.to_vec(), folder));
+        session.temporary = Some(temporary);
         Ok(session)
     }
 
@@ -136,9 +155,9 @@ impl Session {
                 }
             }
         });
-        let (to_read, lines) = channel();
+        let (to_read, lines) = sync_channel(LINES_MAX);
         thread::spawn(move || {
-            for line in BufReader::new(output).lines().map_while(Result::ok) {
+            for line in Lines(BufReader::new(output)) {
                 if to_read.send(line).is_err() {
                     return;
                 }
@@ -148,7 +167,7 @@ impl Session {
             child,
             input: sender,
             lines,
-            errors: Some(thread::spawn(move || last_line(errors))),
+            errors: Some(thread::spawn(move || last_line(BufReader::new(errors)))),
             processor: String::new(),
             temporary: None,
         };
@@ -213,10 +232,12 @@ impl Session {
         }
     }
 
-    /// The next reply; lines of others, as of a greeting, are skipped.
+    /// The next reply within this time; lines of others, as of a greeting, are skipped.
     fn reply(&mut self, limit: Duration) -> Result<SlotReply, SessionError> {
+        let start = Instant::now();
         loop {
-            match self.lines.recv_timeout(limit) {
+            let left = limit.saturating_sub(start.elapsed());
+            match self.lines.recv_timeout(left) {
                 Ok(line) => {
                     if let Ok(reply) = serde_json::from_str(&line) {
                         return Ok(reply);
@@ -242,17 +263,5 @@ impl Drop for Session {
         let _ = self.lines.recv_timeout(Duration::from_secs(1));
         let _ = self.child.kill();
         let _ = self.child.wait();
-        if let Some((run, folder)) = &self.temporary {
-            let _ = output(run, &["rm", "-r", folder], &[]);
-        }
     }
-}
-
-/// Reads to the end and returns the last line that is not blank.
-fn last_line(errors: impl Read) -> String {
-    let lines = BufReader::new(errors).lines().map_while(Result::ok);
-    lines
-        .filter(|line| !line.trim().is_empty())
-        .last()
-        .unwrap_or_default()
 }

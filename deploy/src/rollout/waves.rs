@@ -1,5 +1,6 @@
 //! A rollout in waves: which host is changed when, and when all of a wave are taken back.
 
+use std::collections::BTreeMap;
 use std::time::Duration;
 
 use crate::hosts::Wave;
@@ -50,6 +51,10 @@ pub(super) enum Event {
     Changed,
     /// The host did not take the release, or went back by itself; why, in words.
     Failed(String),
+    /// Its drones took off before it could be changed; the host is as it was.
+    Deferred,
+    /// It could not be asked, as it is lost or another operator's; why, in words.
+    Blocked(String),
     /// The host runs the release before again, or could not; why, in words.
     TakenBack(Result<(), String>),
     /// How the host looks.
@@ -59,8 +64,8 @@ pub(super) enum Event {
 /// How a host looks.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct Sight {
-    /// Number of its drones that take part in a flight.
-    pub(super) in_flight: usize,
+    /// Number of its drones that take part in a flight. `None` if it can't be seen: then the last number counts.
+    pub(super) in_flight: Option<usize>,
     /// What is wrong with it, in words. `None` if it is healthy.
     pub(super) complaint: Option<String>,
     /// Frames that a drone dropped a second since the last look, at most.
@@ -73,6 +78,8 @@ pub(super) struct Rollout {
     waves: Vec<Wave>,
     hosts: Vec<HostState>,
     in_flight: Vec<usize>,
+    /// Hosts that must have been changed before each host, as they still have a drone of it; in words.
+    waits_for: Vec<BTreeMap<usize, String>>,
     /// Since when a host of the wave looks unhealthy.
     unhealthy_since: Vec<Option<Duration>>,
     /// The wave that is on.
@@ -85,11 +92,13 @@ pub(super) struct Rollout {
 }
 
 impl Rollout {
-    /// A rollout of hosts in these states: unchanged, waiting, deferred or blocked.
+    /// A rollout of hosts in these states: unchanged, waiting, deferred or blocked. `waits_for` has, for each host, the hosts
+    /// that must have been changed before it, and why.
     pub(super) fn new(
         waves: Vec<Wave>,
         hosts: Vec<HostState>,
         in_flight: Vec<usize>,
+        waits_for: Vec<BTreeMap<usize, String>>,
         keep_flying: Option<usize>,
     ) -> Self {
         Self {
@@ -97,6 +106,7 @@ impl Rollout {
             waves,
             hosts,
             in_flight,
+            waits_for,
             wave: 0,
             soaks_since: None,
             keep_flying,
@@ -140,14 +150,20 @@ impl Rollout {
                 self.stop(format!("host {host}: {why}"));
                 self.hosts[host] = HostState::Failed(why);
             }
+            Event::Deferred => self.hosts[host] = HostState::Deferred,
+            Event::Blocked(why) => self.hosts[host] = HostState::Blocked(why),
             Event::Seen(sight) => self.see(now, host, sight),
         }
     }
 
     fn see(&mut self, now: Duration, host: usize, sight: Sight) {
-        self.in_flight[host] = sight.in_flight;
-        if sight.in_flight == 0 && matches!(self.hosts[host], HostState::Recalled) {
-            self.hosts[host] = HostState::Waiting;
+        if let Some(in_flight) = sight.in_flight {
+            self.in_flight[host] = in_flight;
+            match &self.hosts[host] {
+                HostState::Recalled if in_flight == 0 => self.hosts[host] = HostState::Waiting,
+                HostState::Waiting if in_flight > 0 => self.hosts[host] = HostState::Deferred,
+                _ => {}
+            }
         }
         let Some(wave) = self.waves.get(self.wave) else {
             return;
@@ -211,7 +227,8 @@ impl Rollout {
         Vec::new()
     }
 
-    /// Starts as many hosts of the wave as may be changed at once, then calls drones down, a host at a time.
+    /// Starts as many hosts of the wave as may be changed at once, then calls drones down, a host at a time. Hosts that wait
+    /// for what does not come are left out.
     fn advance(&mut self, wave: &Wave) -> Vec<Action> {
         let mut actions = Vec::new();
         let busy = wave
@@ -219,11 +236,14 @@ impl Rollout {
             .iter()
             .filter(|nth| self.hosts[**nth].is_busy())
             .count();
-        let waiting = wave
+        let waiting: Vec<_> = wave
             .hosts
             .iter()
-            .filter(|nth| self.hosts[**nth] == HostState::Waiting);
-        let next: Vec<_> = waiting
+            .copied()
+            .filter(|nth| self.hosts[*nth] == HostState::Waiting)
+            .collect();
+        let may_begin = waiting.iter().filter(|nth| self.lacks(**nth).is_none());
+        let next: Vec<_> = may_begin
             .copied()
             .take(wave.at_once.saturating_sub(busy))
             .collect();
@@ -234,7 +254,21 @@ impl Rollout {
         if busy == 0 && actions.is_empty() {
             actions.extend(self.recall(wave));
         }
+        if busy == 0 && actions.is_empty() {
+            for host in waiting {
+                if let Some(why) = self.lacks(host) {
+                    self.hosts[host] = HostState::Blocked(why.to_owned());
+                }
+            }
+        }
         actions
+    }
+
+    /// What a host waits for, in words: another host that has not been changed and still has a drone of it.
+    fn lacks(&self, host: usize) -> Option<&str> {
+        let mut others = self.waits_for[host].iter();
+        let lacking = others.find(|(other, _)| self.hosts[**other] != HostState::Changed);
+        lacking.map(|(_, why)| why.as_str())
     }
 
     /// Calls down the drones of one host, if enough others fly.

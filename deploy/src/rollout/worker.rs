@@ -41,6 +41,10 @@ pub(super) enum Report {
     Changed(Box<HostFacts>),
     /// It did not take the release, or went back by itself; why, in words.
     Failed(String),
+    /// Its drones took off before the release was tried.
+    Deferred,
+    /// It was lost or is another operator's, and has not been changed; why, in words.
+    Blocked(String),
     /// It runs the release before, or could not; why, in words.
     TakenBack(Result<(), String>),
     /// It can't be reached for now; why, in words.
@@ -67,7 +71,7 @@ impl Worker<'_> {
                 Ok(Job::TakeBack) => Report::TakenBack(self.take_back()),
                 Ok(Job::Recall { drones }) => match self.recall(&drones) {
                     Ok(()) => Report::Phase("calls its drones down"),
-                    Err(error) => Report::Away(error.to_string()),
+                    Err(error) => Report::Blocked(error.to_string()),
                 },
                 Err(RecvTimeoutError::Timeout) => match self.look() {
                     Ok(facts) => Report::Facts(facts),
@@ -146,11 +150,18 @@ impl Worker<'_> {
     }
 
     fn change(&mut self, peers: &BTreeSet<u32>) -> Report {
-        self.try_to_change(peers)
-            .unwrap_or_else(|error| Report::Failed(error.to_string()))
+        let tried = match self.install(peers) {
+            Ok(slot) => self.await_trial(&slot),
+            Err(error @ (SessionError::Lost(_) | SessionError::Busy(_))) => {
+                return Report::Blocked(error.to_string());
+            }
+            Err(error) => Err(error),
+        };
+        tried.unwrap_or_else(|error| Report::Failed(error.to_string()))
     }
 
-    fn try_to_change(&mut self, peers: &BTreeSet<u32>) -> Result<Report, SessionError> {
+    /// Installs the release and lets the host try it. Returns the slot.
+    fn install(&mut self, peers: &BTreeSet<u32>) -> Result<String, SessionError> {
         let processor = self.session()?.processor.clone();
         let slot = self.desired.slot(self.release, &processor, peers.clone());
         let (incoming, contents) = slot.map_err(|error| SessionError::OtherProcessor(error.0))?;
@@ -160,16 +171,34 @@ impl Worker<'_> {
             other => return Err(SessionError::Refused(format!("unexpected reply {other:?}"))),
         };
         self.report(Report::Phase("is on trial"));
-        self.ask(&SlotOrder::Try { slot: slot.clone() }, Vec::new())?;
+        // Without a reply the trial may have begun, and the host says how it ends.
+        match self.ask(&SlotOrder::Try { slot: slot.clone() }, Vec::new()) {
+            Ok(_) | Err(SessionError::Lost(_)) => Ok(slot),
+            Err(error) => Err(error),
+        }
+    }
+
+    fn await_trial(&mut self, slot: &String) -> Result<Report, SessionError> {
         let gate = self.desired.facts.gate;
         let limit =
             Duration::from_secs(u64::from(gate.within_s) + u64::from(gate.hold_s)) + BACK_MAX;
         let facts = self.look_until(limit, |facts| !facts.is_on_trial)?;
-        if facts.good.as_ref() == Some(&slot) {
+        if facts.good.as_ref() == Some(slot) {
             return Ok(Report::Changed(facts));
         }
-        let failure = facts.failure.filter(|it| it.slot == slot);
-        let why = failure.map_or_else(|| "the trial did not end in time".to_owned(), |it| it.why);
+        let failure = facts.failure.as_ref().filter(|it| it.slot == *slot);
+        let why = match failure {
+            Some(failure) => failure.why.clone(),
+            None if facts.drones.values().any(|drone| drone.in_flight) => {
+                self.report(Report::Facts(facts));
+                return Ok(Report::Deferred);
+            }
+            None if facts.is_on_trial => "the trial did not end in time".to_owned(),
+            None => {
+                let why = "the host did not begin the trial".to_owned();
+                return Ok(Report::Blocked(why));
+            }
+        };
         // The host went back by itself; the release before is healthy again before this is said.
         self.report(Report::Phase("goes back"));
         let back = self.look_until(BACK_MAX, is_well)?;
@@ -209,7 +238,7 @@ impl Worker<'_> {
     }
 }
 
-/// Whether all drones of a host run and report no fault. A drone whose flight is over is well.
+/// Whether all drones of a host run and report no fault. A drone is also well after its flight.
 pub(super) fn is_well(facts: &HostFacts) -> bool {
     let is_well = |health: &DroneHealth| {
         matches!(

@@ -6,16 +6,16 @@
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use super::peek;
+use super::{is_unused, peek};
 
 /// Old flights that are kept beside the newest one.
 const KEPT_MAX: usize = 16;
 
-/// The newest flight in a folder is over and has a higher number than the requested one; nothing has changed.
+/// A flight in a folder has taken place and has a higher number than the requested one; nothing has changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the journal has flight {newest} already")]
 pub struct OldFlight {
-    /// Number of the newest flight.
+    /// Number of the newest flight that has taken place.
     pub newest: u32,
 }
 
@@ -42,21 +42,25 @@ fn number_of(name: &std::ffi::OsStr) -> Option<u32> {
 }
 
 /// The flight that a process joins if `requested` is asked for: the newest one while that is not over, otherwise the
-/// requested one, which may be new. Nothing is created.
+/// requested one, which may be new. A newer flight that never began counts for none: its number was taken back. Nothing is
+/// created.
 ///
 /// # Errors
-/// If the newest flight is over and has a higher number.
+/// If a flight with a higher number has taken place, or its journal is damaged.
 pub fn choose(root: &Path, requested: u32) -> Result<u32, OldFlight> {
-    let Some(newest) = list(root).pop() else {
-        return Ok(requested);
-    };
-    let checkpoints = peek(&folder_of(root, newest)).ok().flatten();
-    if checkpoints.is_some_and(|it| it.is_flight_ongoing()) {
-        // A process that restarts in flight goes on with it, whatever its file says by then.
-        return Ok(newest);
-    }
-    if newest > requested {
-        return Err(OldFlight { newest });
+    for newest in list(root).into_iter().rev() {
+        let folder = folder_of(root, newest);
+        let checkpoints = peek(&folder).ok().flatten();
+        if checkpoints.is_some_and(|it| it.is_flight_ongoing()) {
+            // A process that restarts in flight goes on with it, whatever its file says by then.
+            return Ok(newest);
+        }
+        if newest <= requested {
+            break;
+        }
+        if !is_unused(&folder) {
+            return Err(OldFlight { newest });
+        }
     }
     Ok(requested)
 }
@@ -115,6 +119,22 @@ mod tests {
         assert_eq!(choose(root.path(), 2), Ok(3), "flight 3 is not over");
         fly(root.path(), 3, State::Finished);
         assert_eq!(choose(root.path(), 2), Err(OldFlight { newest: 3 }));
+    }
+
+    #[test]
+    fn newer_flight_that_never_began_is_ignored() {
+        let root = tempfile::tempdir().unwrap();
+        fly(root.path(), 1, State::Finished);
+        fly(root.path(), 2, State::Start);
+        assert_eq!(choose(root.path(), 1), Ok(1), "it was taken back");
+        fly(root.path(), 1, State::TakingOff);
+        assert_eq!(choose(root.path(), 1), Ok(1));
+        fly(root.path(), 2, State::Finished);
+        fly(root.path(), 3, State::Start);
+        assert_eq!(choose(root.path(), 1), Err(OldFlight { newest: 2 }));
+        // A damaged journal may have been of a flight.
+        fs::write(folder_of(root.path(), 3).join("journal"), b"damaged").unwrap();
+        assert_eq!(choose(root.path(), 1), Err(OldFlight { newest: 3 }));
     }
 
     #[test]

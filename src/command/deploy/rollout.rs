@@ -37,7 +37,7 @@ fn print_json(value: &serde_json::Value) -> Result<Outcome, Failure> {
 /// Put a release and the configuration on all hosts, in waves.
 ///
 /// Each wave must prove itself and stay healthy before the next one begins. If it does not, its hosts are taken back. A host
-/// whose drones are armed or take part in a flight is left alone. Interrupt it at any time and run it again: hosts that have
+/// with drones that are armed or take part in a flight is left alone. Interrupt it at any time and run it again: hosts that have
 /// the release are not changed.
 #[derive(Debug, Args)]
 pub(super) struct ApplyArguments {
@@ -111,7 +111,7 @@ pub(super) fn operator() -> String {
 
 /// Run the release before the current one again.
 ///
-/// Hosts whose drones are armed or take part in a flight are left alone.
+/// Hosts with drones that are armed or take part in a flight are left alone.
 #[derive(Debug, Args)]
 pub(super) struct RollbackArguments {
     /// Hosts file of the fleet.

@@ -113,3 +113,29 @@ fn fleet_that_cannot_be_deployed_is_refused_with_the_reason() {
         assert!(refused.contains(why), "{after}: {refused}");
     }
 }
+
+#[test]
+fn gate_has_limits() {
+    let gate = |text: &str| fleet(NEEDED, &format!("[gate]\n{text}\n"));
+    let default = fleet(NEEDED, "").unwrap().gate;
+    assert_eq!((default.within_s, default.hold_s), (60, 10));
+    let given = gate("within_s = 3600\nhold_s = 0").unwrap().gate;
+    assert_eq!((given.within_s, given.hold_s), (3_600, 0));
+    for (text, why) in [
+        (
+            "within_s = 0",
+            "`within_s` needs a number from 1 to 3600, found 0",
+        ),
+        (
+            "within_s = 3601",
+            "`within_s` needs a number from 1 to 3600",
+        ),
+        (
+            "hold_s = 4294967295",
+            "`hold_s` needs a number from 0 to 3600",
+        ),
+    ] {
+        let refused = gate(text).unwrap_err().rendered();
+        assert!(refused.contains(why), "{refused}");
+    }
+}

@@ -18,7 +18,7 @@ fn waves() -> Vec<Wave> {
 
 fn well(in_flight: usize) -> Event {
     Event::Seen(Sight {
-        in_flight,
+        in_flight: Some(in_flight),
         complaint: None,
         dropped_per_s: 0.0,
     })
@@ -26,7 +26,7 @@ fn well(in_flight: usize) -> Event {
 
 fn ill() -> Event {
     Event::Seen(Sight {
-        in_flight: 0,
+        in_flight: Some(0),
         complaint: Some("drone 0: an actor hangs".to_owned()),
         dropped_per_s: 0.0,
     })
@@ -48,7 +48,13 @@ struct Fleet {
 
 impl Fleet {
     fn new(states: &[HostState; 5], flying: [usize; 5], keep_flying: Option<usize>) -> Self {
-        let rollout = Rollout::new(waves(), states.to_vec(), flying.to_vec(), keep_flying);
+        let rollout = Rollout::new(
+            waves(),
+            states.to_vec(),
+            flying.to_vec(),
+            vec![BTreeMap::new(); 5],
+            keep_flying,
+        );
         Self {
             rollout,
             now: Duration::ZERO,
@@ -167,7 +173,7 @@ fn flood_of_dropped_frames_fails_the_gate() {
     rollout.handle(Duration::ZERO, 0, Event::Changed);
     for second in 0..6 {
         let sight = Sight {
-            in_flight: 0,
+            in_flight: Some(0),
             complaint: None,
             dropped_per_s: 11.0,
         };
@@ -230,6 +236,70 @@ fn resumed_rollout_goes_on_behind_what_is_done() {
     (states[0], states[1]) = (HostState::Unchanged, HostState::Unchanged);
     let fleet = Fleet::new(&states, [0; 5], None).run();
     assert_eq!(fleet.actions, [2, 3, 4].map(Action::Change));
+}
+
+#[test]
+fn host_that_loses_a_drone_is_changed_before_the_one_that_gets_it() {
+    let mut fleet = Fleet::waiting();
+    fleet.rollout.waits_for[1] = BTreeMap::from([(2, "drone 1 runs on c".to_owned())]);
+    let fleet = fleet.run();
+    assert!(fleet.position(Action::Change(2)) < fleet.position(Action::Change(1)));
+    assert!(
+        fleet
+            .rollout
+            .hosts()
+            .iter()
+            .all(|it| *it == HostState::Changed)
+    );
+}
+
+#[test]
+fn host_is_left_out_if_its_drone_does_not_leave_the_other_host() {
+    // It is in a later wave.
+    let mut fleet = Fleet::waiting();
+    fleet.rollout.waits_for[1] = BTreeMap::from([(3, "drone 1 runs on d".to_owned())]);
+    let fleet = fleet.run();
+    let blocked = HostState::Blocked("drone 1 runs on d".to_owned());
+    assert_eq!(fleet.rollout.hosts()[1], blocked);
+    assert_eq!(fleet.position(Action::Change(1)), None);
+    // Each has a drone of the other.
+    let mut fleet = Fleet::waiting();
+    for (host, other) in [(1, 2), (2, 1)] {
+        fleet.rollout.waits_for[host] = BTreeMap::from([(other, "it runs there".to_owned())]);
+    }
+    let fleet = fleet.run();
+    assert!(matches!(fleet.rollout.hosts()[2], HostState::Blocked(_)));
+    assert_eq!(fleet.position(Action::Change(1)), None);
+}
+
+#[test]
+fn take_off_defers_a_host_and_does_not_stop_the_rollout() {
+    let mut rollout = Fleet::waiting().rollout;
+    rollout.handle(Duration::ZERO, 1, well(1));
+    assert_eq!(rollout.hosts()[1], HostState::Deferred, "seen in time");
+    assert_eq!(rollout.poll(Duration::ZERO), [Action::Change(0)]);
+    rollout.handle(Duration::ZERO, 0, Event::Changed);
+    let soaked = Duration::from_secs(10);
+    rollout.poll(Duration::ZERO);
+    assert_eq!(rollout.poll(soaked), [Action::Change(2)]);
+    rollout.handle(soaked, 2, Event::Deferred);
+    assert_eq!(rollout.hosts()[2], HostState::Deferred, "seen by the host");
+    assert_eq!(rollout.stopped(), None);
+}
+
+#[test]
+fn host_that_is_lost_or_locked_is_left_out() {
+    let mut rollout = Fleet::waiting().rollout;
+    assert_eq!(rollout.poll(Duration::ZERO), [Action::Change(0)]);
+    rollout.handle(Duration::ZERO, 0, Event::Changed);
+    rollout.poll(Duration::ZERO);
+    let soaked = Duration::from_secs(10);
+    assert_eq!(rollout.poll(soaked), [Action::Change(1), Action::Change(2)]);
+    rollout.handle(soaked, 1, Event::Blocked("no connection".to_owned()));
+    rollout.handle(soaked, 2, Event::Changed);
+    rollout.poll(soaked);
+    assert_eq!(rollout.poll(2 * soaked), [Action::Change(3)]);
+    assert_eq!(rollout.stopped(), None);
 }
 
 proptest! {

@@ -19,7 +19,7 @@ pub(super) struct Facts {
     pub(super) operator: String,
     /// Users with a shell and a password.
     pub(super) with_password: BTreeSet<String>,
-    /// Whether the firewall of muster is loaded.
+    /// Whether the firewall of muster is loaded, with all its rules and no other.
     pub(super) has_firewall: bool,
     /// Whether the firewall is loaded at boot.
     pub(super) firewall_starts: bool,
@@ -53,14 +53,14 @@ impl Facts {
         let ports = sshd_ports(&output("sshd", &["-T"])?);
         let passwd = fs::read_to_string(root.join("etc/passwd"))?;
         let shadow = fs::read_to_string(root.join("etc/shadow"))?;
-        let rules = output("nft", &["list", "tables"]).unwrap_or_default();
+        let rules = output("nft", &["-n", "list", "table", "inet", "muster"]).unwrap_or_default();
         let unit =
             output("systemctl", &["is-enabled", super::rules::FIREWALL_UNIT]).unwrap_or_default();
         Ok(Self {
             sshd,
             operator: std::env::var("SUDO_USER").unwrap_or_else(|_| "root".to_owned()),
             with_password: with_password(&passwd, &shadow),
-            has_firewall: rules.lines().any(|line| line.trim() == "table inet muster"),
+            has_firewall: super::rules::is_firewall(&rules, &ports),
             firewall_starts: unit.trim() == "enabled",
             ssh_ports: ports,
             open_keys: open_keys(root, &passwd),
@@ -120,10 +120,15 @@ pub(super) fn with_password(passwd: &str, shadow: &str) -> BTreeSet<String> {
 }
 
 /// Secret keys that others can read, and lists of keys that others can write.
-fn open_keys(root: &Path, passwd: &str) -> Vec<PathBuf> {
+pub(super) fn open_keys(root: &Path, passwd: &str) -> Vec<PathBuf> {
     let mut open = Vec::new();
-    let mut check = |path: PathBuf, forbidden: u32| {
-        if fs::metadata(&path).is_ok_and(|it| it.mode() & forbidden != 0) {
+    // Users choose what is in their homes: a link may lead anywhere.
+    let mut check = |path: PathBuf, forbidden: u32, owner: Option<u32>| {
+        let is_open = |it: &fs::Metadata| {
+            let is_owners = owner.is_none_or(|owner| it.uid() == owner);
+            it.is_file() && is_owners && it.mode() & forbidden != 0
+        };
+        if fs::symlink_metadata(&path).as_ref().is_ok_and(is_open) {
             open.push(path);
         }
     };
@@ -137,13 +142,17 @@ fn open_keys(root: &Path, passwd: &str) -> Vec<PathBuf> {
             let is_secret =
                 name.ends_with(".key") || (name.starts_with("ssh_host_") && name.ends_with("_key"));
             if is_secret {
-                check(entry.path(), 0o077);
+                check(entry.path(), 0o077, None);
             }
         }
     }
-    for home in passwd.lines().filter_map(|line| line.split(':').nth(5)) {
-        let home = home.trim_start_matches('/');
-        check(root.join(home).join(".ssh/authorized_keys"), 0o022);
+    for line in passwd.lines() {
+        let fields: Vec<_> = line.split(':').collect();
+        let (Some(user), Some(home)) = (fields.get(2), fields.get(5)) else {
+            continue;
+        };
+        let home = root.join(home.trim_start_matches('/'));
+        check(home.join(".ssh/authorized_keys"), 0o022, user.parse().ok());
     }
     open.sort();
     open.dedup();

@@ -46,8 +46,7 @@ pub(crate) fn fix(asks_for_updates: bool) -> io::Result<Vec<Finding>> {
     let facts = Facts::gather(Path::new("/"), asks_for_updates)?;
     let findings = rules::judge(&facts);
     let changes = rules::changes(&facts, &findings);
-    if !changes.is_empty() {
-        fix::carry_out(&changes)?;
-    }
+    // Without changes, too: the confirmation that follows is then of this fix.
+    fix::carry_out(&changes)?;
     audit(asks_for_updates)
 }

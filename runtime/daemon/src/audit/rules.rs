@@ -1,5 +1,6 @@
 //! The rules of an audit, and what keeps them.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::Finding;
@@ -65,7 +66,7 @@ fn ssh(facts: &Facts) -> Vec<Finding> {
         findings.push(found);
     }
     if is("banner", &["none", ""]) {
-        let why = "who is let in by mistake must be told that it is private";
+        let why = "a stranger must be told that the host is private";
         findings.push(finding(
             "ssh-banner",
             "no banner before the login",
@@ -102,7 +103,12 @@ fn firewall(facts: &Facts) -> Option<Finding> {
     (!is_there).then(|| {
         let why = "what listens by mistake is reached by everyone in range of the radio";
         let undo = format!("systemctl disable --now {FIREWALL_UNIT}");
-        finding("firewall", "no firewall, or not at boot", why, undo)
+        finding(
+            "firewall",
+            "no firewall, another one, or not at boot",
+            why,
+            undo,
+        )
     })
 }
 
@@ -129,12 +135,12 @@ fn files(facts: &Facts) -> Vec<Finding> {
     let mut findings = Vec::new();
     for path in &facts.open_keys {
         let what = format!("others can use {}", path.display());
-        let why = "who reads a drone's key is that drone";
+        let why = "a drone's key lets its reader act as that drone";
         findings.push(finding("key-permissions", what, why, "chmod it back"));
     }
     for path in &facts.open_ports {
         let what = format!("everyone can use {}", path.display());
-        let why = "who writes to the flight controller's port flies the aircraft";
+        let why = "writing to the flight controller's port flies the aircraft";
         findings.push(finding(
             "serial-permissions",
             what,
@@ -165,15 +171,20 @@ pub(super) fn changes(facts: &Facts, findings: &[Finding]) -> Vec<Change> {
         changes.push(run(&["systemctl", "reload-or-restart", "ssh"]));
     }
     if is_broken("firewall") {
-        changes.push(write(FIREWALL, firewall_rules(facts)));
+        changes.push(write(FIREWALL, firewall_rules(&facts.ssh_ports)));
         changes.push(write(
             &format!("/etc/systemd/system/{FIREWALL_UNIT}"),
             FIREWALL_TEXT.to_owned(),
         ));
         changes.push(run(&["systemctl", "daemon-reload"]));
         changes.push(Change::Run {
-            words: words(&["systemctl", "enable", "--now", FIREWALL_UNIT]),
+            words: words(&["systemctl", "enable", FIREWALL_UNIT]),
             undo: words(&["systemctl", "disable", "--now", FIREWALL_UNIT]),
+        });
+        // The unit is active also after something else has flushed its rules.
+        changes.push(Change::Run {
+            words: words(&["systemctl", "restart", FIREWALL_UNIT]),
+            undo: words(&["systemctl", "daemon-reload"]),
         });
     }
     if is_broken("no-passwords") {
@@ -238,10 +249,10 @@ fn sshd_settings(facts: &Facts) -> String {
 const BANNER_TEXT: &str =
     "This computer flies an aircraft. Only its operators may log in; connections are logged.\n";
 
-/// Lets in ssh, ICMP (1, 58), IGMP (2), and the drones' datagrams, whose ports the system chooses. Protocols are numbers: not
+/// Lets in ssh, ICMP (1, 58), IGMP (2), and the drones' datagrams: the system chooses their ports. Protocols are numbers: not
 /// every host has their names.
-fn firewall_rules(facts: &Facts) -> String {
-    let ports: Vec<_> = facts.ssh_ports.iter().map(u16::to_string).collect();
+fn firewall_rules(ssh_ports: &BTreeSet<u16>) -> String {
+    let ports: Vec<_> = ssh_ports.iter().map(u16::to_string).collect();
     let ports = if ports.is_empty() {
         "22".to_owned()
     } else {
@@ -255,9 +266,39 @@ fn firewall_rules(facts: &Facts) -> String {
     )
 }
 
+/// Whether `nft -n list table inet muster` shows exactly the rules that are set.
+pub(super) fn is_firewall(listed: &str, ssh_ports: &BTreeSet<u16>) -> bool {
+    rules_of(listed) == rules_of(&firewall_rules(ssh_ports))
+}
+
+/// The rules of a table, without the ways in which nft prints them differently.
+fn rules_of(table: &str) -> Vec<String> {
+    let lines = table.lines().map(str::trim);
+    let is_frame = |line: &str| ["", "}"].contains(&line) || line.starts_with('#');
+    let is_table = |line: &str| line.starts_with("table ") || line.starts_with("delete table ");
+    let rules = lines.filter(|line| !is_frame(line) && !is_table(line));
+    let rules = rules.map(|line| {
+        let line = line
+            .replace('"', "")
+            .replace("0x2,0x4", "established,related");
+        let line = line.replace("priority 0;", "priority filter;");
+        match line
+            .split_once("{ ")
+            .and_then(|(before, rest)| Some((before, rest.split_once(" }")?)))
+        {
+            Some((before, (only, after))) if !only.contains(',') => {
+                format!("{before}{only}{after}")
+            }
+            _ => line,
+        }
+    });
+    rules.collect()
+}
+
 const FIREWALL_TEXT: &str = "[Unit]
 Description=Firewall of a muster host
 DefaultDependencies=no
+After=nftables.service
 Before=network-pre.target shutdown.target
 Wants=network-pre.target
 Conflicts=shutdown.target
@@ -266,7 +307,7 @@ Conflicts=shutdown.target
 Type=oneshot
 RemainAfterExit=yes
 ExecStart=/usr/sbin/nft -f /etc/muster-firewall.nft
-ExecStop=/usr/sbin/nft delete table inet muster
+ExecStop=-/usr/sbin/nft delete table inet muster
 
 [Install]
 WantedBy=multi-user.target

@@ -1,8 +1,8 @@
 //! A host's slots on its disk. Every change is atomic and survives a power cut.
 
-use std::fs::{self, DirBuilder, File, OpenOptions, TryLockError};
+use std::fs::{self, DirBuilder, File, OpenOptions, Permissions, TryLockError};
 use std::io;
-use std::os::unix::fs::{DirBuilderExt, symlink};
+use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 
 use muster_runtime::file::{replace, sync_folder_of};
@@ -49,6 +49,12 @@ impl Disk {
         self.home().join("slots").join(slot)
     }
 
+    /// A drone's file in a slot.
+    pub(super) fn drone_file(&self, slot: &str, drone: u32) -> PathBuf {
+        let name = format!("config/drone-{drone}.toml");
+        self.slot(slot).join(name)
+    }
+
     /// Where systemd looks for a unit of the administrator.
     pub(super) fn unit(&self, name: &str) -> PathBuf {
         self.root.join("etc/systemd/system").join(name)
@@ -71,6 +77,10 @@ impl Disk {
         let mut builder = DirBuilder::new();
         builder.recursive(true).mode(0o755);
         builder.create(self.home().join("slots"))?;
+        // Whatever the mask of this process is: the drones' user must get there.
+        for folder in [self.home(), self.home().join("slots")] {
+            open_to_all(&folder)?;
+        }
         builder.create(self.root.join("etc/systemd/system"))
     }
 
@@ -123,7 +133,14 @@ impl Disk {
             Step::Set(link, Some(slot)) => {
                 let (path, new) = (self.link(*link), self.link(*link).with_extension("new"));
                 remove_if_there(&new)?;
-                symlink(Path::new("slots").join(slot), &new)?;
+                let target = Path::new("slots").join(slot);
+                let good = self.link(Link::Good);
+                if fs::read_link(&good).is_ok_and(|it| it == target) {
+                    // A second name of the link that is there needs no space, so the way back is open on a full disk.
+                    fs::hard_link(&good, &new)?;
+                } else {
+                    symlink(target, &new)?;
+                }
                 fs::rename(&new, &path)?;
                 sync_folder_of(&path)
             }
@@ -143,7 +160,8 @@ impl Disk {
         let incoming = self.slot(INCOMING);
         remove_all_if_there(&self.slot(OUTGOING))?;
         remove_all_if_there(&incoming)?;
-        DirBuilder::new().mode(0o755).create(&incoming)?;
+        fs::create_dir(&incoming)?;
+        open_to_all(&incoming)?;
         Ok(incoming)
     }
 
@@ -181,6 +199,14 @@ impl Disk {
         replace(&self.failure_path(), &json)
     }
 
+    /// Forgets why a slot was taken back: it is tried again.
+    pub(super) fn clear_failure_of(&self, slot: &str) -> io::Result<()> {
+        match self.failure() {
+            Some(failure) if failure.slot == slot => self.clear_failure(),
+            _ => Ok(()),
+        }
+    }
+
     /// Forgets the last failure.
     pub(super) fn clear_failure(&self) -> io::Result<()> {
         remove_if_there(&self.failure_path())
@@ -190,11 +216,10 @@ impl Disk {
     pub(super) fn try_lock(&self, name: &str) -> io::Result<Option<File>> {
         let mut options = OpenOptions::new();
         let path = self.home().join(name);
-        let file = options
-            .create(true)
-            .write(true)
-            .truncate(false)
-            .open(path)?;
+        options.create(true).write(true).truncate(false);
+        let file = options.mode(0o600).open(path)?;
+        // Who can open it can hold it. An older release let everyone.
+        file.set_permissions(Permissions::from_mode(0o600))?;
         match file.try_lock() {
             Ok(()) => Ok(Some(file)),
             Err(TryLockError::WouldBlock) => Ok(None),
@@ -217,6 +242,11 @@ impl Disk {
         replace(&unit, &should)?;
         Ok(true)
     }
+}
+
+/// Lets everyone enter and read a folder, whatever the mask of this process is.
+pub(super) fn open_to_all(folder: &Path) -> io::Result<()> {
+    fs::set_permissions(folder, Permissions::from_mode(0o755))
 }
 
 fn remove_if_there(path: &Path) -> io::Result<()> {
@@ -269,6 +299,41 @@ mod tests {
         disk.reach(&Goal::Settle).unwrap();
         assert_eq!(running(&disk), "a");
         assert!(!disk.slot("b").exists());
+    }
+
+    #[test]
+    fn way_back_needs_no_new_file() {
+        use std::os::unix::fs::MetadataExt;
+
+        let (_folder, disk) = disk();
+        install(&disk, "a");
+        for goal in [Goal::Try("a".to_owned()), Goal::Keep] {
+            disk.reach(&goal).unwrap();
+        }
+        install(&disk, "b");
+        disk.reach(&Goal::Try("b".to_owned())).unwrap();
+        disk.reach(&Goal::Settle).unwrap();
+        let file = |link| fs::symlink_metadata(disk.link(link)).unwrap().ino();
+        assert_eq!(
+            file(Link::Current),
+            file(Link::Good),
+            "on a full disk there is none"
+        );
+        install(&disk, "c");
+        for goal in [Goal::Try("c".to_owned()), Goal::Keep, Goal::RollBack] {
+            disk.reach(&goal).unwrap();
+        }
+        assert_eq!(running(&disk), "a");
+    }
+
+    #[test]
+    fn only_root_can_hold_a_lock() {
+        let (_folder, disk) = disk();
+        let path = disk.home().join("lock");
+        fs::write(&path, "").unwrap();
+        fs::set_permissions(&path, Permissions::from_mode(0o644)).unwrap();
+        let lock = disk.try_lock("lock").unwrap().unwrap();
+        assert_eq!(lock.metadata().unwrap().permissions().mode() & 0o777, 0o600);
     }
 
     #[test]

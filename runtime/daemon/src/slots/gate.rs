@@ -24,7 +24,7 @@ pub enum DroneHealth {
     Starting(String),
     /// It runs and reports no fault.
     Healthy {
-        /// Drones whose frames it has accepted.
+        /// Drones that it has accepted frames of.
         proven: BTreeSet<u32>,
     },
     /// Its flight is over: by its journal it stays on the ground.

@@ -4,15 +4,19 @@ use std::collections::BTreeMap;
 use std::fs::{self, OpenOptions, Permissions};
 use std::io::{self, Read, Write};
 use std::os::unix::fs::{OpenOptionsExt, PermissionsExt, chown};
+use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::mpsc::channel;
+use std::time::{Duration, Instant};
 
 use muster_runtime::identity::{FleetKey, MANIFEST_MAX, Manifest, RELEASE_FILE_MAX, hex, is_plain};
+use rustix::process::{Pid, Signal, kill_process_group};
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 use thiserror::Error;
 
-use super::disk::Disk;
+use super::disk::{Disk, open_to_all};
 use super::facts::SlotFacts;
 use super::machine::{Goal, SlotId};
 use super::systemd::{BOOT, DRONES};
@@ -30,7 +34,7 @@ pub struct Incoming {
     pub facts: SlotFacts,
     /// Text of the release's manifest.
     pub manifest: String,
-    /// The files, whose contents follow in this order.
+    /// The files. Their contents follow in this order.
     pub files: Vec<IncomingFile>,
 }
 
@@ -84,30 +88,33 @@ fn receive_into(
 ) -> Result<SlotId, Refusal> {
     check(incoming)?;
     disk.create()?;
-    let slots = disk.reach(&Goal::Room)?;
+    let read = |path: &Path| FleetKey::load(path).map_err(|it| Refusal::Unusable(it.to_string()));
+    // The key that the host knows counts, so that another fleet's release is not taken here.
+    let known = disk.slots()?.good;
+    let known = known.map(|good| read(&disk.slot(&good).join("config/fleet.pub")));
+    let known = known.transpose()?;
+    if let Some(known) = &known {
+        // Before anything makes room for it.
+        listed(incoming, known)?;
+    }
+    disk.reach(&Goal::Room)?;
     let folder = disk.new_incoming()?;
     let user = user()?;
     let mut written = BTreeMap::new();
     for file in &incoming.files {
-        let path = folder.join(&file.path);
-        let digest = write(&path, file, contents, user)?;
+        let digest = write(&folder, file, contents, user)?;
         written.insert(file.path.clone(), digest);
     }
-    // The key that the host knows counts, so that another fleet's release is none of this host's.
-    let known = slots
-        .good
-        .map(|good| disk.slot(&good).join("config/fleet.pub"));
-    let sent = folder.join("config/fleet.pub");
-    let read = |path: &Path| FleetKey::load(path).map_err(|it| Refusal::Unusable(it.to_string()));
-    let fleet = read(known.as_deref().unwrap_or(&sent))?;
-    if read(&sent)? != fleet {
+    let sent = read(&folder.join("config/fleet.pub"))?;
+    let fleet = known.unwrap_or(sent);
+    if sent != fleet {
         return unusable("the host belongs to another fleet");
     }
     verify(incoming, &fleet, &written)?;
     let facts = serde_json::to_vec(&incoming.facts).map_err(io::Error::from)?;
     store(&folder.join("slot.json"), &facts)?;
     store(&folder.join("manifest.toml"), incoming.manifest.as_bytes())?;
-    try_out(&folder)?;
+    try_out(&folder, user, TRY_OUT_MAX)?;
     let id = incoming.facts.id();
     disk.finish_incoming(&id)?;
     Ok(id)
@@ -134,30 +141,44 @@ fn check(incoming: &Incoming) -> Result<(), Refusal> {
     Ok(())
 }
 
+/// The manifest, if the fleet has signed it and it names the slot's files with their lengths.
+fn listed(incoming: &Incoming, fleet: &FleetKey) -> Result<Manifest, Refusal> {
+    let path = Path::new("manifest.toml");
+    let manifest = Manifest::parse(path, incoming.manifest.clone(), fleet)
+        .map_err(|error| Refusal::Unusable(error.to_string()))?;
+    let facts = &incoming.facts;
+    if facts.release != hex(&manifest.digest()) || facts.version != manifest.version {
+        return unusable("the slot is not of this release");
+    }
+    for file in &incoming.files {
+        let Some(name) = &file.in_release else {
+            continue;
+        };
+        let bytes = manifest.files.get(name).map(|it| it.bytes);
+        if bytes != Some(file.bytes) {
+            return unusable(format!("{name} is not the file that the manifest names"));
+        }
+    }
+    Ok(manifest)
+}
+
 /// Compares what was written with the manifest and the hashes that the slot is named after.
 fn verify(
     incoming: &Incoming,
     fleet: &FleetKey,
     written: &BTreeMap<String, [u8; 32]>,
 ) -> Result<(), Refusal> {
-    let path = Path::new("manifest.toml");
-    let manifest = Manifest::parse(path, incoming.manifest.clone(), fleet)
-        .map_err(|error| Refusal::Unusable(error.to_string()))?;
+    let manifest = listed(incoming, fleet)?;
     for file in &incoming.files {
         let Some(name) = &file.in_release else {
             continue;
         };
         let listed = manifest.files.get(name).map(|it| it.sha256);
-        if listed.is_none() || listed != written.get(&file.path).copied() {
+        if listed != written.get(&file.path).copied() {
             return unusable(format!("{name} is not the file that the manifest names"));
         }
     }
-    let facts = &incoming.facts;
-    let configuration = configuration_digest(written);
-    if facts.release != hex(&manifest.digest()) || facts.version != manifest.version {
-        return unusable("the slot is not of this release");
-    }
-    if facts.configuration != configuration {
+    if incoming.facts.configuration != configuration_digest(written) {
         return unusable("the configuration was changed on its way");
     }
     Ok(())
@@ -175,15 +196,19 @@ pub fn configuration_digest(files: &BTreeMap<String, [u8; 32]>) -> String {
     hex(&digest.finalize())
 }
 
-/// Writes a file of a slot. Returns its SHA-256.
+/// Writes a file of a slot in its folder. Returns its SHA-256.
 fn write(
-    path: &Path,
+    folder: &Path,
     file: &IncomingFile,
     contents: &mut dyn Read,
     user: Option<(u32, u32)>,
 ) -> Result<[u8; 32], Refusal> {
+    let path = &folder.join(&file.path);
     let parent = path.parent().map(Path::to_owned).unwrap_or_default();
     fs::create_dir_all(&parent)?;
+    for new in parent.ancestors().take_while(|it| *it != folder) {
+        open_to_all(new)?;
+    }
     let mode = match (file.is_secret, file.path.as_str()) {
         (true, _) => 0o600,
         (false, "musterd") => 0o755,
@@ -217,11 +242,20 @@ fn write(
 
 fn store(path: &Path, bytes: &[u8]) -> io::Result<()> {
     fs::write(path, bytes)?;
+    fs::set_permissions(path, Permissions::from_mode(0o644))?;
     fs::File::open(path)?.sync_all()
 }
 
-/// The new program reads the new configuration, as it would at its start.
-fn try_out(folder: &Path) -> Result<(), Refusal> {
+/// Time for the new program to read all files of drones.
+const TRY_OUT_MAX: Duration = Duration::from_secs(20);
+/// Time between two looks whether it has.
+const TRY_OUT_PERIOD: Duration = Duration::from_millis(20);
+/// The most of its errors that is passed on, in bytes.
+const ERRORS_MAX: u64 = 16 * 1_024;
+
+/// The new program reads the new configuration, as it would at its start: as the drones' user, in limited time.
+fn try_out(folder: &Path, user: Option<(u32, u32)>, limit: Duration) -> Result<(), Refusal> {
+    let end = Instant::now() + limit;
     let mut files: Vec<PathBuf> = Vec::new();
     for entry in fs::read_dir(folder.join("config"))? {
         let path = entry?.path();
@@ -231,16 +265,63 @@ fn try_out(folder: &Path) -> Result<(), Refusal> {
         }
     }
     for file in files {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
         let mut command = Command::new(folder.join("musterd"));
         command.arg("--check").arg("--config").arg(&file);
-        let output = command.stdin(Stdio::null()).output()?;
-        if !output.status.success() {
-            let why = String::from_utf8_lossy(&output.stderr);
-            let name = file.file_name().unwrap_or_default().to_string_lossy();
-            return unusable(format!("the new musterd refuses {name}: {}", why.trim()));
+        if let Some((user, group)) = user {
+            command.uid(user).gid(group);
+        }
+        match check_by(command, end)? {
+            Checked::Good => {}
+            Checked::Late => {
+                let seconds = limit.as_secs();
+                return unusable(format!(
+                    "the new musterd has not checked {name} within {seconds} s"
+                ));
+            }
+            Checked::Bad(why) => {
+                return unusable(format!("the new musterd refuses {name}: {}", why.trim()));
+            }
         }
     }
     Ok(())
+}
+
+/// How a check of a file ended.
+enum Checked {
+    Good,
+    Bad(String),
+    Late,
+}
+
+/// Runs a check with all that it starts, and kills them at this time.
+fn check_by(mut command: Command, end: Instant) -> io::Result<Checked> {
+    command.stdin(Stdio::null()).stdout(Stdio::null());
+    let mut child = command.stderr(Stdio::piped()).process_group(0).spawn()?;
+    let stderr = child.stderr.take().expect("stderr is piped");
+    let (sender, errors) = channel();
+    std::thread::spawn(move || {
+        let mut text = Vec::new();
+        let _ = stderr.take(ERRORS_MAX).read_to_end(&mut text);
+        let _ = sender.send(text);
+    });
+    let status = loop {
+        match child.try_wait()? {
+            None if Instant::now() < end => std::thread::sleep(TRY_OUT_PERIOD),
+            status => break status,
+        }
+    };
+    if let Some(group) = i32::try_from(child.id()).ok().and_then(Pid::from_raw) {
+        // None of it is left, also of a program that has ended.
+        let _ = kill_process_group(group, Signal::KILL);
+    }
+    child.wait()?;
+    let text = errors.recv_timeout(TRY_OUT_PERIOD).unwrap_or_default();
+    Ok(match status {
+        None => Checked::Late,
+        Some(status) if status.success() => Checked::Good,
+        Some(_) => Checked::Bad(String::from_utf8_lossy(&text).into_owned()),
+    })
 }
 
 /// Number of the drones' user and of its group; creates the user if there is none. `None` if this process is not root's: then

@@ -11,6 +11,7 @@
 
 mod disk;
 mod facts;
+mod flight;
 mod gate;
 mod install;
 mod machine;
@@ -30,6 +31,7 @@ pub use self::disk::Failure;
 pub use self::facts::{DroneFacts, HostFacts, SlotFacts};
 pub use self::gate::{DroneHealth, GateLimits};
 pub use self::install::{Incoming, IncomingFile, configuration_digest};
+use self::systemd::Systemd;
 use crate::audit;
 
 /// What `musterd slot` does on a host.
@@ -48,16 +50,28 @@ pub(crate) enum SlotAction {
     UndoAudit,
 }
 
+/// A host: its disk and its services.
+#[derive(Debug)]
+struct Host {
+    disk: Disk,
+    systemd: Systemd,
+}
+
 /// Carries it out on this host. Returns whether all went well.
 ///
 /// # Errors
 /// If the disk or systemd refuses.
 pub(crate) fn run(action: &SlotAction) -> io::Result<bool> {
-    let disk = Disk::at(Path::new("/"));
+    let host = Host {
+        disk: Disk::at(Path::new("/")),
+        systemd: Systemd {
+            program: "systemctl".into(),
+        },
+    };
     match action {
-        SlotAction::Serve => serve::serve(&disk).map(|()| true),
-        SlotAction::Trial { slot } => trial::run(&disk, slot),
-        SlotAction::Settle => trial::settle(&disk).map(|()| true),
+        SlotAction::Serve => serve::serve(&host).map(|()| true),
+        SlotAction::Trial { slot } => trial::run(&host, slot),
+        SlotAction::Settle => trial::settle(&host).map(|()| true),
         SlotAction::UndoAudit => audit::undo().map(|()| true),
     }
 }

@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::io::{self, Read, Write};
 use std::net::{SocketAddr, TcpStream};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use serde::Deserialize;
 
-use super::disk::Disk;
+use super::Host;
 use super::facts::{DroneFacts, HostFacts, SlotFacts};
+use super::flight::Flight;
 use super::gate::DroneHealth;
 use super::machine::Link;
 use super::systemd::{TRIAL, Unit, service};
@@ -17,9 +18,10 @@ use super::systemd::{TRIAL, Unit, service};
 /// Time limit of a question to a drone.
 const ANSWER_MAX: Duration = Duration::from_secs(1);
 /// The longest answer that is read, in bytes.
-const ANSWER_BYTES_MAX: u64 = 1_024 * 1_024;
-/// Exit code of a process whose flight is over, or whose files can't be used.
-const UNUSABLE: i32 = 2;
+const ANSWER_BYTES_MAX: usize = 1_024 * 1_024;
+/// Exit code of a process that is ready and finds its flight over. One that can't use its files or arguments has the same code
+/// and was not ready.
+const FLIGHT_OVER: i32 = 2;
 
 /// The part of a drone's status that is needed here. Another version may send it.
 #[derive(Debug, Default, Deserialize)]
@@ -59,39 +61,93 @@ struct Frames {
 
 /// Asks a drone for its status. `None` without a proper answer in time.
 pub(super) fn ask(address: SocketAddr) -> Option<Answer> {
-    let ask = || -> io::Result<Vec<u8>> {
-        let mut stream = TcpStream::connect_timeout(&address, ANSWER_MAX)?;
-        stream.set_read_timeout(Some(ANSWER_MAX))?;
-        stream.set_write_timeout(Some(ANSWER_MAX))?;
-        let question = format!("GET /status HTTP/1.0\r\nHost: {address}\r\n\r\n");
-        stream.write_all(question.as_bytes())?;
-        let mut answer = Vec::new();
-        stream.take(ANSWER_BYTES_MAX).read_to_end(&mut answer)?;
-        Ok(answer)
-    };
-    let answer = ask().ok()?;
+    let answer = exchange(address).ok()?;
     let end = answer.windows(4).position(|it| it == b"\r\n\r\n")?;
     serde_json::from_slice(&answer[end + 4..]).ok()
 }
 
-/// Looks at a drone of the running slot. `restarts` is how often systemd had started it again before.
-pub(super) fn drone(id: u32, address: SocketAddr, restarts: u32) -> io::Result<DroneFacts> {
-    let unit = Unit::look(&service(id))?;
+/// A question and its answer, all of it within [`ANSWER_MAX`].
+fn exchange(address: SocketAddr) -> io::Result<Vec<u8>> {
+    let start = Instant::now();
+    let left = || {
+        let left = ANSWER_MAX.checked_sub(start.elapsed());
+        let left = left.filter(|it| !it.is_zero());
+        left.ok_or(io::ErrorKind::TimedOut)
+    };
+    let mut stream = TcpStream::connect_timeout(&address, ANSWER_MAX)?;
+    stream.set_write_timeout(Some(left()?))?;
+    let question = format!("GET /status HTTP/1.0\r\nHost: {address}\r\n\r\n");
+    stream.write_all(question.as_bytes())?;
+    let (mut answer, mut piece) = (Vec::new(), [0; 4_096]);
+    while answer.len() < ANSWER_BYTES_MAX {
+        stream.set_read_timeout(Some(left()?))?;
+        match stream.read(&mut piece)? {
+            0 => break,
+            read => answer.extend_from_slice(&piece[..read]),
+        }
+    }
+    Ok(answer)
+}
+
+/// A drone's service before its slot is tried.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Before {
+    /// How often systemd had started it again.
+    pub(super) restarts: u32,
+    /// When its process had started last, in microseconds since the host did; 0 if it never had.
+    pub(super) started_us: u64,
+}
+
+/// For a host without a trial: restarts are counted by others.
+const NO_TRIAL: Before = Before {
+    restarts: u32::MAX,
+    started_us: 0,
+};
+
+/// Looks at a drone of a slot.
+fn drone(
+    host: &Host,
+    slot: &str,
+    (id, address): (u32, SocketAddr),
+    before: Before,
+) -> io::Result<DroneFacts> {
+    let unit = host.systemd.look(&service(id))?;
     let answer = ask(address);
-    let health = health(&unit, answer.as_ref(), restarts);
+    let flight = Flight::of(&host.disk.drone_file(slot, id));
+    let health = health(&unit, answer.as_ref(), flight, before);
+    let in_flight = takes_part(&unit, answer.as_ref(), flight);
     let answer = answer.unwrap_or_default();
     Ok(DroneFacts {
         health,
-        in_flight: answer.in_flight,
+        in_flight,
         version: answer.version,
         dropped: answer.frames.dropped.values().sum(),
         restarts: unit.restarts(),
     })
 }
 
-fn health(unit: &Unit, answer: Option<&Answer>, restarts: u32) -> DroneHealth {
-    if unit.restarts() > restarts {
-        return DroneHealth::Dead(format!("its process was ended ({})", unit.result()));
+/// Whether a drone is armed or takes part in a flight. For one that runs and does not answer, its journal tells.
+fn takes_part(unit: &Unit, answer: Option<&Answer>, flight: Flight) -> bool {
+    answer.map_or(unit.is_running() && flight == Flight::Ongoing, |answer| {
+        answer.in_flight
+    })
+}
+
+/// Whether a drone of a slot is armed or takes part in a flight.
+pub(super) fn is_in_flight(
+    host: &Host,
+    slot: &str,
+    (id, address): (u32, SocketAddr),
+) -> io::Result<bool> {
+    let unit = host.systemd.look(&service(id))?;
+    let flight = Flight::of(&host.disk.drone_file(slot, id));
+    Ok(takes_part(&unit, ask(address).as_ref(), flight))
+}
+
+fn health(unit: &Unit, answer: Option<&Answer>, flight: Flight, before: Before) -> DroneHealth {
+    let ended = || DroneHealth::Dead(format!("its process was ended ({})", unit.result()));
+    if unit.restarts() > before.restarts {
+        return ended();
     }
     match (unit.state(), answer) {
         ("active", Some(answer)) if answer.complaints().is_empty() => DroneHealth::Healthy {
@@ -99,49 +155,68 @@ fn health(unit: &Unit, answer: Option<&Answer>, restarts: u32) -> DroneHealth {
         },
         ("active", Some(answer)) => DroneHealth::Unhealthy(answer.complaints()),
         ("active", None) => DroneHealth::Unhealthy("does not answer".to_owned()),
-        ("failed" | "inactive", _)
-            if unit.result() == "exit-code" && unit.exit_code() == Some(UNUSABLE) =>
-        {
-            // A file that can't be used was refused before the trial.
-            DroneHealth::FlightOver
+        ("failed" | "inactive", _) if unit.started_us() <= before.started_us => {
+            DroneHealth::Starting("its process has not started".to_owned())
         }
-        ("failed", _) => DroneHealth::Dead(match unit.exit_code() {
-            Some(code) if unit.result() == "exit-code" => {
-                format!("its process ended with exit code {code}")
+        ("failed" | "inactive", _) => match unit.exit_code() {
+            Some(0 | FLIGHT_OVER)
+                if unit.has_exited() && unit.was_ready() && flight == Flight::Over =>
+            {
+                DroneHealth::FlightOver
             }
-            _ => format!("its process was ended ({})", unit.result()),
-        }),
-        ("inactive", _) if unit.result() == "success" && unit.exit_code() == Some(0) => {
-            DroneHealth::FlightOver
-        }
-        ("activating", _) if unit.result() != "success" => {
-            DroneHealth::Dead(format!("its process was ended ({})", unit.result()))
-        }
+            Some(code) if unit.has_exited() => {
+                DroneHealth::Dead(format!("its process ended with exit code {code}"))
+            }
+            _ => ended(),
+        },
+        ("activating", _) if unit.result() != "success" => ended(),
         (state, _) => DroneHealth::Starting(format!("its service is {state}")),
     }
 }
 
+/// The services of a slot's drones.
+pub(super) fn services(host: &Host, facts: &SlotFacts) -> io::Result<BTreeMap<u32, Before>> {
+    let services = facts.drones.keys().map(|id| {
+        let unit = host.systemd.look(&service(*id))?;
+        let (restarts, started_us) = (unit.restarts(), unit.started_us());
+        Ok((
+            *id,
+            Before {
+                restarts,
+                started_us,
+            },
+        ))
+    });
+    services.collect()
+}
+
 /// Looks at the drones of a slot.
 pub(super) fn drones(
+    host: &Host,
+    slot: &str,
     facts: &SlotFacts,
-    restarts: &BTreeMap<u32, u32>,
+    before: &BTreeMap<u32, Before>,
 ) -> io::Result<BTreeMap<u32, DroneFacts>> {
     let drones = facts.drones.iter().map(|(id, address)| {
-        let before = restarts.get(id).copied().unwrap_or(u32::MAX);
-        Ok((*id, drone(*id, *address, before)?))
+        let before = before.get(id).copied().unwrap_or(NO_TRIAL);
+        Ok((*id, drone(host, slot, (*id, *address), before)?))
     });
     drones.collect()
 }
 
-/// Whether any drone is armed or takes part in a flight; its number.
-pub(super) fn in_flight(facts: &SlotFacts) -> Option<u32> {
-    let asked = facts.drones.iter();
-    let mut flying = asked.filter(|(_, address)| ask(**address).is_some_and(|it| it.in_flight));
-    flying.next().map(|(id, _)| *id)
+/// Number of a slot's drone that is armed or takes part in a flight. `None` if none does.
+pub(super) fn in_flight(host: &Host, slot: &str) -> io::Result<Option<u32>> {
+    for (id, address) in host.disk.facts(slot)?.drones {
+        if is_in_flight(host, slot, (id, address))? {
+            return Ok(Some(id));
+        }
+    }
+    Ok(None)
 }
 
 /// Looks at the whole host.
-pub(super) fn host(disk: &Disk) -> io::Result<HostFacts> {
+pub(super) fn host(host: &Host) -> io::Result<HostFacts> {
+    let disk = &host.disk;
     let slots = disk.slots()?;
     let current = slots
         .current
@@ -150,18 +225,15 @@ pub(super) fn host(disk: &Disk) -> io::Result<HostFacts> {
         .transpose()?;
     let since_good = fs::symlink_metadata(disk.link(Link::Good)).and_then(|it| it.modified());
     let good_for = since_good.ok().and_then(|since| since.elapsed().ok());
-    let is_tried = matches!(
-        Unit::look(TRIAL)?.state(),
-        "active" | "activating" | "deactivating"
-    );
+    let is_tried = host.systemd.look(TRIAL)?.is_running();
     let home = disk.home();
     // Before the first release the folder is not there yet.
     let space = home.ancestors().find_map(|it| rustix::fs::statvfs(it).ok());
     let space = space.map(|it| it.f_bavail * it.f_frsize);
     Ok(HostFacts {
-        drones: match &current {
-            Some(facts) => drones(facts, &BTreeMap::new())?,
-            None => BTreeMap::new(),
+        drones: match (&slots.current, &current) {
+            (Some(slot), Some(facts)) => drones(host, slot, facts, &BTreeMap::new())?,
+            _ => BTreeMap::new(),
         },
         way_back: slots.way_back().cloned(),
         is_on_trial: is_tried || slots.is_on_trial(),
@@ -174,78 +246,4 @@ pub(super) fn host(disk: &Disk) -> io::Result<HostFacts> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn seen(properties: [&str; 4], faults: Option<&[&str]>) -> DroneHealth {
-        let [state, result, code, restarts] = properties;
-        let text = format!(
-            "ActiveState={state}\nResult={result}\nExecMainStatus={code}\nNRestarts={restarts}\n"
-        );
-        let answer = faults.map(|faults| Answer {
-            faults: faults.iter().map(ToString::to_string).collect(),
-            ..Answer::default()
-        });
-        health(&Unit::read(&text), answer.as_ref(), 1)
-    }
-
-    #[test]
-    fn health_follows_from_service_and_answer() {
-        use DroneHealth::{Dead, FlightOver, Healthy, Starting, Unhealthy};
-        type Case = (
-            [&'static str; 4],
-            Option<&'static [&'static str]>,
-            fn(&DroneHealth) -> bool,
-        );
-        let table: [Case; 9] = [
-            (["active", "success", "0", "1"], Some(&[]), |it| {
-                matches!(it, Healthy { .. })
-            }),
-            (["active", "success", "0", "1"], Some(&["x"]), |it| {
-                matches!(it, Unhealthy(_))
-            }),
-            (["active", "success", "0", "1"], None, |it| {
-                matches!(it, Unhealthy(_))
-            }),
-            (["active", "success", "0", "2"], Some(&[]), |it| {
-                matches!(it, Dead(_))
-            }),
-            (["activating", "success", "0", "1"], None, |it| {
-                matches!(it, Starting(_))
-            }),
-            (["activating", "watchdog", "6", "1"], None, |it| {
-                matches!(it, Dead(_))
-            }),
-            (["failed", "exit-code", "1", "1"], None, |it| {
-                matches!(it, Dead(_))
-            }),
-            (["failed", "exit-code", "2", "1"], None, |it| {
-                matches!(it, FlightOver)
-            }),
-            (["inactive", "success", "0", "1"], None, |it| {
-                matches!(it, FlightOver)
-            }),
-        ];
-        for (properties, faults, expected) in table {
-            let health = seen(properties, faults);
-            assert!(expected(&health), "{properties:?}: {health:?}");
-        }
-    }
-
-    #[test]
-    fn drone_whose_controller_is_silent_is_unhealthy() {
-        let healthy =
-            Unit::read("ActiveState=active\nResult=success\nExecMainStatus=0\nNRestarts=0\n");
-        for (state, is_well) in [("open", true), ("silent", false), ("closed", false)] {
-            let json =
-                format!("{{\"faults\":[],\"port\":{{\"state\":\"{state}\",\"rc_sent\":7}}}}");
-            let answer: Answer = serde_json::from_str(&json).unwrap();
-            let health = health(&healthy, Some(&answer), 0);
-            assert_eq!(
-                matches!(health, DroneHealth::Healthy { .. }),
-                is_well,
-                "{state}"
-            );
-        }
-    }
-}
+mod tests;

@@ -5,11 +5,11 @@ use std::io::{self, BufRead, BufReader, Read, Write};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
-use super::disk::Disk;
+use super::Host;
 use super::install;
 use super::observe;
 use super::protocol::{PROTOCOL, SlotOrder, SlotReply};
-use super::systemd::{TRIAL, Unit, service, systemctl};
+use super::systemd::{TRIAL, service};
 use super::trial;
 use crate::audit;
 
@@ -24,11 +24,11 @@ const PIECE: usize = 64 * 1_024;
 ///
 /// # Errors
 /// If the output is closed.
-pub(super) fn serve(disk: &Disk) -> io::Result<()> {
+pub(super) fn serve(host: &Host) -> io::Result<()> {
     let (sender, pieces) = sync_channel(PIECES_MAX);
     std::thread::spawn(move || read(io::stdin().lock(), &sender));
     let mut session = Session {
-        disk,
+        host,
         lock: None,
         asks_for_updates: false,
         input: BufReader::new(Input {
@@ -104,7 +104,7 @@ impl Read for Input {
 }
 
 struct Session<'a> {
-    disk: &'a Disk,
+    host: &'a Host,
     /// Held while this session may change the host.
     lock: Option<File>,
     /// Whether audits ask for unattended security updates.
@@ -132,13 +132,13 @@ impl Session<'_> {
     fn try_to(&mut self, order: SlotOrder) -> io::Result<SlotReply> {
         match order {
             SlotOrder::Ping => {}
-            SlotOrder::Look => return Ok(SlotReply::Host(Box::new(observe::host(self.disk)?))),
+            SlotOrder::Look => return Ok(SlotReply::Host(Box::new(observe::host(self.host)?))),
             SlotOrder::Lock { operator } => return self.lock(&operator),
             SlotOrder::Install(incoming) => {
                 let sizes = incoming.files.iter().map(|file| file.bytes);
                 let bytes = sizes.fold(0, u64::saturating_add);
                 let mut contents = (&mut self.input).take(bytes);
-                let received = install::receive(self.disk, &incoming, &mut contents);
+                let received = install::receive(&self.host.disk, &incoming, &mut contents);
                 // After a refusal the rest is still on its way.
                 io::copy(&mut contents, &mut io::sink())?;
                 return Ok(match received {
@@ -156,10 +156,17 @@ impl Session<'_> {
                 return Ok(SlotReply::Findings(findings));
             }
             SlotOrder::ConfirmFix => audit::confirm()?,
-            SlotOrder::Try { slot } => trial::start(self.disk, &slot)?,
-            SlotOrder::RollBack => trial::roll_back(self.disk)?,
+            SlotOrder::Try { slot } => trial::start(&self.host.disk, &slot)?,
+            SlotOrder::RollBack => trial::roll_back(self.host)?,
             SlotOrder::Recall { drone } => {
-                systemctl(&["--no-block", "stop", &service(drone)])?;
+                let service = service(drone);
+                if !self.host.systemd.look(&service)?.is_running() {
+                    let why = format!(
+                        "{service} does not run; if drone {drone} was started by hand, end it there"
+                    );
+                    return Ok(SlotReply::Refused(why));
+                }
+                self.host.systemd.run(&["--no-block", "stop", &service])?;
             }
         }
         Ok(SlotReply::Done)
@@ -171,9 +178,9 @@ impl Session<'_> {
                 "only root may change the host".to_owned(),
             ));
         }
-        self.disk.create()?;
-        let path = self.disk.home().join("operator");
-        let Some(lock) = self.disk.try_lock("lock")? else {
+        self.host.disk.create()?;
+        let path = self.host.disk.home().join("operator");
+        let Some(lock) = self.host.disk.try_lock("lock")? else {
             let operator = std::fs::read_to_string(path).unwrap_or_default();
             return Ok(SlotReply::Busy { operator });
         };
@@ -181,8 +188,8 @@ impl Session<'_> {
         let _ = std::fs::write(path, operator);
         self.lock = Some(lock);
         // What an interrupted trial or rollback left; a trial that runs ends by itself.
-        if matches!(Unit::look(TRIAL)?.state(), "inactive" | "failed" | "") {
-            trial::settle(self.disk)?;
+        if !self.host.systemd.look(TRIAL)?.is_running() {
+            trial::settle(self.host)?;
         }
         Ok(SlotReply::Done)
     }

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::io;
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 
 /// Name of a drone's service.
@@ -18,13 +19,45 @@ pub(super) const BOOT: &str = "muster-slots.service";
 /// Name of the unit of drones.
 pub(super) const DRONES: &str = "musterd@.service";
 
-/// Runs `systemctl`, and says whether it succeeded.
-pub(super) fn systemctl(arguments: &[&str]) -> io::Result<bool> {
-    let mut command = Command::new("systemctl");
-    command.arg("--quiet").args(arguments);
-    command.stdin(Stdio::null()).stdout(Stdio::null());
-    let status = command.stderr(Stdio::null()).status()?;
-    Ok(status.success())
+/// systemd of a host.
+#[derive(Debug, Clone)]
+pub(super) struct Systemd {
+    /// The program `systemctl`, or another for tests.
+    pub(super) program: PathBuf,
+}
+
+impl Systemd {
+    /// Runs `systemctl`, and says whether it succeeded.
+    pub(super) fn run(&self, arguments: &[&str]) -> io::Result<bool> {
+        let mut command = Command::new(&self.program);
+        command.arg("--quiet").args(arguments);
+        command.stdin(Stdio::null()).stdout(Stdio::null());
+        let status = command.stderr(Stdio::null()).status()?;
+        Ok(status.success())
+    }
+
+    /// Runs `systemctl`.
+    ///
+    /// # Errors
+    /// If it fails.
+    pub(super) fn order(&self, arguments: &[&str]) -> io::Result<()> {
+        if self.run(arguments)? {
+            return Ok(());
+        }
+        let words = arguments.join(" ");
+        Err(io::Error::other(format!("systemctl {words} failed")))
+    }
+
+    /// Asks for the properties of a unit.
+    pub(super) fn look(&self, name: &str) -> io::Result<Unit> {
+        let mut command = Command::new(&self.program);
+        command.args([
+            "show",
+            "--property=ActiveState,Result,ExecMainStatus,ExecMainStartTimestampMonotonic,ActiveEnterTimestampMonotonic,NRestarts,MainPID",
+        ]);
+        let output = command.arg(name).stderr(Stdio::null()).output()?;
+        Ok(Unit::read(&String::from_utf8_lossy(&output.stdout)))
+    }
 }
 
 /// Properties of a unit.
@@ -32,17 +65,6 @@ pub(super) fn systemctl(arguments: &[&str]) -> io::Result<bool> {
 pub(super) struct Unit(BTreeMap<String, String>);
 
 impl Unit {
-    /// Asks for them.
-    pub(super) fn look(name: &str) -> io::Result<Self> {
-        let mut command = Command::new("systemctl");
-        command.args([
-            "show",
-            "--property=ActiveState,Result,ExecMainStatus,NRestarts",
-        ]);
-        let output = command.arg(name).stderr(Stdio::null()).output()?;
-        Ok(Self::read(&String::from_utf8_lossy(&output.stdout)))
-    }
-
     pub(super) fn read(text: &str) -> Self {
         let lines = text.lines().filter_map(|line| line.split_once('='));
         let properties = lines.map(|(key, value)| (key.to_owned(), value.to_owned()));
@@ -58,9 +80,19 @@ impl Unit {
         self.get("ActiveState")
     }
 
+    /// Whether it has a process, or gets one again.
+    pub(super) fn is_running(&self) -> bool {
+        !matches!(self.state(), "inactive" | "failed" | "")
+    }
+
     /// Why it ended: `success`, `exit-code`, `signal`, `watchdog` and others.
     pub(super) fn result(&self) -> &str {
         self.get("Result")
+    }
+
+    /// Whether its process ended by itself, with an exit code.
+    pub(super) fn has_exited(&self) -> bool {
+        matches!(self.result(), "success" | "exit-code")
     }
 
     /// Exit code of its process.
@@ -68,9 +100,27 @@ impl Unit {
         self.get("ExecMainStatus").parse().ok()
     }
 
+    /// When its process started last, in microseconds since the host did. 0 if it never has.
+    pub(super) fn started_us(&self) -> u64 {
+        let started = self.get("ExecMainStartTimestampMonotonic");
+        started.parse().unwrap_or(0)
+    }
+
+    /// Whether its last process has said that it was ready.
+    pub(super) fn was_ready(&self) -> bool {
+        let ready = self.get("ActiveEnterTimestampMonotonic");
+        let ready = ready.parse().unwrap_or(0_u64);
+        ready != 0 && ready >= self.started_us()
+    }
+
     /// How often systemd has started it again.
     pub(super) fn restarts(&self) -> u32 {
         self.get("NRestarts").parse().unwrap_or(0)
+    }
+
+    /// Number of its process. `None` if it has none.
+    pub(super) fn process(&self) -> Option<u32> {
+        self.get("MainPID").parse().ok().filter(|pid| *pid != 0)
     }
 }
 
@@ -80,11 +130,13 @@ mod tests {
 
     #[test]
     fn properties_are_read_as_systemctl_prints_them() {
-        let unit =
-            Unit::read("ActiveState=failed\nResult=exit-code\nExecMainStatus=2\nNRestarts=3\n");
+        let unit = Unit::read(
+            "ActiveState=failed\nResult=exit-code\nExecMainStatus=2\nNRestarts=3\nMainPID=0\n",
+        );
         assert_eq!(unit.state(), "failed");
         assert_eq!(unit.result(), "exit-code");
         assert_eq!((unit.exit_code(), unit.restarts()), (Some(2), 3));
+        assert_eq!((unit.process(), unit.is_running()), (None, false));
         assert_eq!(Unit::default().restarts(), 0);
     }
 }

@@ -1,6 +1,6 @@
 use std::collections::BTreeSet;
 
-use super::super::facts::{Updates, exposure, settings, updates, with_password};
+use super::super::facts::{Updates, exposure, open_keys, settings, updates, with_password};
 use super::super::fix::{Undo, undo_order};
 use super::*;
 
@@ -103,7 +103,7 @@ fn operator_who_is_root_is_not_locked_out() {
 fn firewall_lets_in_every_port_of_sshd() {
     let mut facts = facts(STOCK);
     facts.ssh_ports = BTreeSet::from([22, 2222]);
-    assert!(firewall_rules(&facts).contains("tcp dport { 22, 2222 } accept"));
+    assert!(firewall_rules(&facts.ssh_ports).contains("tcp dport { 22, 2222 } accept"));
 }
 
 #[test]
@@ -185,4 +185,83 @@ fn files_are_restored_before_commands_read_them() {
         undo_order(vec![run(), file(), run()]),
         [file(), run(), run()]
     );
+}
+
+#[test]
+fn only_files_of_a_homes_own_user_are_closed() {
+    use std::os::unix::fs::{MetadataExt, PermissionsExt, symlink};
+
+    let root = tempfile::tempdir().unwrap();
+    let me = std::fs::metadata(root.path()).unwrap().uid();
+    let keys = |home: &str| {
+        root.path()
+            .join("home")
+            .join(home)
+            .join(".ssh/authorized_keys")
+    };
+    for home in ["own", "link", "of-another"] {
+        std::fs::create_dir_all(keys(home).parent().unwrap()).unwrap();
+    }
+    for home in ["own", "of-another"] {
+        std::fs::write(keys(home), "").unwrap();
+        let open = std::fs::Permissions::from_mode(0o666);
+        std::fs::set_permissions(keys(home), open).unwrap();
+    }
+    symlink("/dev/null", keys("link")).unwrap();
+    let other = me + 1;
+    let passwd = format!(
+        "own:x:{me}:0::/home/own:/bin/sh\nlink:x:{me}:0::/home/link:/bin/sh\n\
+         another:x:{other}:0::/home/of-another:/bin/sh\n"
+    );
+    assert_eq!(open_keys(root.path(), &passwd), [keys("own")]);
+}
+
+/// What `nft -n list table inet muster` of nftables 1.0.6 prints.
+const LISTED: &str = "table inet muster {
+	chain input {
+		type filter hook input priority 0; policy drop;
+		ct state 0x2,0x4 accept
+		iif \"lo\" accept
+		meta l4proto { 1, 2, 58 } accept
+		tcp dport 22 accept
+		udp dport { 68, 546, 1024-65535 } accept
+	}
+}
+";
+
+#[test]
+fn firewall_counts_only_with_the_rules_that_are_set() {
+    let ports = BTreeSet::from([22]);
+    assert!(is_firewall(LISTED, &ports));
+    assert!(is_firewall(&firewall_rules(&ports), &ports));
+    for (rule, other) in [
+        ("policy drop", "policy accept"),
+        ("tcp dport 22 accept", "tcp dport { 22, 23 } accept"),
+        ("iif \"lo\" accept", "accept"),
+        ("\t}\n}", "\t\taccept\n\t}\n}"),
+        ("\t}\n}", "\t\tip saddr 10.0.0.1 jump more\n\t}\n}"),
+    ] {
+        let altered = LISTED.replace(rule, other);
+        assert_ne!(altered, LISTED);
+        assert!(!is_firewall(&altered, &ports), "{altered}");
+    }
+    assert!(!is_firewall("", &ports), "flushed");
+    assert!(
+        !is_firewall(LISTED, &BTreeSet::from([22, 2222])),
+        "sshd has another port"
+    );
+}
+
+#[test]
+fn flushed_firewall_is_loaded_again() {
+    let flushed = Facts {
+        has_firewall: false,
+        ..hardened()
+    };
+    let restart = Change::Run {
+        words: words(&["systemctl", "restart", FIREWALL_UNIT]),
+        undo: words(&["systemctl", "daemon-reload"]),
+    };
+    assert!(changes(&flushed, &judge(&flushed)).contains(&restart));
+    assert!(FIREWALL_TEXT.contains("After=nftables.service\n"));
 }

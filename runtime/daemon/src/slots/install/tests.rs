@@ -145,9 +145,21 @@ fn release_of_another_fleet_is_refused_from_the_first_slot_on() {
     let other = Bench::new();
     let theirs = other.slot(&other.fleet, PROGRAM);
     let refused = bench.receive(&theirs).unwrap_err();
+    assert!(
+        refused.contains("the signature does not match"),
+        "{refused}"
+    );
+    // This fleet's signature, with their key beside it.
+    let mut foreign = bench.slot(&bench.fleet, PROGRAM);
+    let ours = fs::read(bench.folder.path().join("fleet/fleet.pub")).unwrap();
+    let key = fs::read(other.folder.path().join("fleet/fleet.pub")).unwrap();
+    let at = foreign.1.windows(ours.len()).position(|it| it == ours);
+    let at = at.unwrap();
+    foreign.1.splice(at..at + ours.len(), key);
+    let refused = bench.receive(&foreign).unwrap_err();
     assert_eq!(refused, "the host belongs to another fleet");
-    let mut disguised = bench.slot(&other.fleet, PROGRAM);
-    disguised.0.facts.version = "0.2.0".to_owned();
+    // Their signature, with this fleet's key beside it.
+    let disguised = bench.slot(&other.fleet, PROGRAM);
     let refused = bench.receive(&disguised).unwrap_err();
     assert!(
         refused.contains("the signature does not match"),
@@ -179,4 +191,88 @@ fn slot_that_ends_in_the_middle_leaves_nothing() {
     let mut slot = bench.slot(&bench.fleet, PROGRAM);
     slot.1.truncate(slot.1.len() - 1);
     bench.assert_refused(&slot, "can't write the slot");
+}
+
+#[test]
+fn slot_that_is_not_signed_costs_no_way_back() {
+    let bench = Bench::new();
+    let id = bench.receive(&bench.slot(&bench.fleet, PROGRAM)).unwrap();
+    for goal in [Goal::Try(id.clone()), Goal::Keep] {
+        bench.disk.reach(&goal).unwrap();
+    }
+    let next = bench.slot(&bench.fleet, "#!/bin/sh\nexit 0 # 2\n");
+    let second = bench.receive(&next).unwrap();
+    for goal in [Goal::Try(second), Goal::Keep] {
+        bench.disk.reach(&goal).unwrap();
+    }
+    let mut altered = bench.slot(&bench.fleet, PROGRAM);
+    altered.0.manifest = altered.0.manifest.replace("0.2.0", "0.3.0");
+    bench.receive(&altered).unwrap_err();
+    assert_eq!(bench.disk.slots().unwrap().way_back(), Some(&id));
+}
+
+/// Why this program is refused as a new musterd, and after which time.
+fn check_with(program: &str) -> (String, Duration) {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("config")).unwrap();
+    fs::write(folder.path().join("config/drone-0.toml"), "").unwrap();
+    let path = folder.path().join("musterd");
+    fs::write(&path, program).unwrap();
+    fs::set_permissions(&path, Permissions::from_mode(0o755)).unwrap();
+    let start = Instant::now();
+    let refused = try_out(folder.path(), None, Duration::from_secs(1)).unwrap_err();
+    (refused.to_string(), start.elapsed())
+}
+
+#[test]
+fn release_that_hangs_when_it_is_checked_is_ended() {
+    for program in ["#!/bin/sh\nsleep 600\n", "#!/bin/sh\nsleep 600 &\nwait\n"] {
+        let (refused, took) = check_with(program);
+        assert!(
+            refused.contains("has not checked drone-0.toml within 1 s"),
+            "{refused}"
+        );
+        assert!(took < Duration::from_secs(10), "{took:?}");
+    }
+}
+
+#[test]
+fn errors_of_a_check_are_limited() {
+    let (refused, took) = check_with("#!/bin/sh\nyes >&2\n");
+    assert!(refused.len() < 2 * 16_384, "{}", refused.len());
+    assert!(took < Duration::from_secs(10), "{took:?}");
+}
+
+#[test]
+fn drones_user_can_enter_every_folder_whatever_the_mask_of_the_operator() {
+    // The mask is the whole process's, so this test runs again in another.
+    const AGAIN: &str = "MUSTER_TEST_WITH_MASK";
+    if std::env::var_os(AGAIN).is_none() {
+        let name = std::thread::current().name().unwrap().to_owned();
+        let mut again = Command::new("sh");
+        again.args(["-c", "umask 077; exec \"$0\" --exact \"$1\""]);
+        again.arg(std::env::current_exe().unwrap()).arg(name);
+        let output = again.env(AGAIN, "").output().unwrap();
+        assert!(output.status.success(), "{output:?}");
+        return;
+    }
+    let bench = Bench::new();
+    // A host has these folders.
+    for folder in ["", "host", "host/opt"] {
+        let folder = bench.folder.path().join(folder);
+        fs::create_dir_all(&folder).unwrap();
+        fs::set_permissions(&folder, Permissions::from_mode(0o755)).unwrap();
+    }
+    let id = bench.receive(&bench.slot(&bench.fleet, PROGRAM)).unwrap();
+    let slot = bench.disk.slot(&id);
+    let home = bench.disk.home();
+    for path in [
+        home.clone(),
+        home.join("slots"),
+        slot.clone(),
+        slot.join("config"),
+    ] {
+        let mode = fs::metadata(&path).unwrap().permissions().mode() & 0o777;
+        assert_eq!(mode, 0o755, "{}", path.display());
+    }
 }

@@ -1,0 +1,293 @@
+use std::collections::BTreeSet;
+use std::fs;
+use std::io::{Read, Write};
+use std::net::{Ipv4Addr, TcpListener};
+use std::os::unix::fs::symlink;
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+use muster_machines::mission::State;
+use tempfile::TempDir;
+
+use super::super::flight::tests::fly;
+use super::super::gate::GateLimits;
+use super::super::systemd::Systemd;
+use super::*;
+
+/// A host in a folder, with a `systemctl` that does as it is told and drones that say that they are healthy.
+struct Bench {
+    folder: TempDir,
+    host: Host,
+    address: SocketAddr,
+    in_flight: Arc<AtomicBool>,
+}
+
+impl Bench {
+    /// A host with the good slot `a`, which has these drones.
+    fn with_good(drones: &[u32]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let systemctl = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/slots/trial/systemctl");
+        let program = folder.path().join("systemctl");
+        symlink(systemctl, &program).unwrap();
+        let disk = Disk::at(&folder.path().join("host"));
+        disk.create().unwrap();
+        let in_flight = Arc::new(AtomicBool::new(false));
+        let bench = Self {
+            host: Host {
+                disk,
+                systemd: Systemd { program },
+            },
+            address: answer(Arc::clone(&in_flight)),
+            in_flight,
+            folder,
+        };
+        bench.install("a", drones);
+        assert!(bench.try_slot("a"), "{:?}", bench.host.disk.failure());
+        let _ = fs::remove_file(bench.folder.path().join("log"));
+        bench
+    }
+
+    fn install(&self, slot: &str, drones: &[u32]) {
+        let incoming = self.host.disk.new_incoming().unwrap();
+        fs::create_dir(incoming.join("config")).unwrap();
+        for name in [DRONES, BOOT] {
+            fs::write(incoming.join(name), slot).unwrap();
+        }
+        let facts = SlotFacts {
+            version: slot.to_owned(),
+            release: String::new(),
+            configuration: String::new(),
+            wire: vec![1],
+            journal: vec![1],
+            drones: drones.iter().map(|id| (*id, self.address)).collect(),
+            peers: BTreeSet::new(),
+            gate: GateLimits {
+                within_s: 1,
+                hold_s: 0,
+            },
+        };
+        fs::write(
+            incoming.join("slot.json"),
+            serde_json::to_vec(&facts).unwrap(),
+        )
+        .unwrap();
+        for drone in drones {
+            fly(&incoming.join("config"), *drone, State::Start);
+        }
+        self.host.disk.finish_incoming(&slot.to_owned()).unwrap();
+    }
+
+    /// As the service of a trial does.
+    fn try_slot(&self, slot: &str) -> bool {
+        let is_good = run(&self.host, &slot.to_owned()).unwrap();
+        settle(&self.host).unwrap();
+        is_good
+    }
+
+    fn log(&self) -> String {
+        fs::read_to_string(self.folder.path().join("log")).unwrap_or_default()
+    }
+
+    /// Lets systemd refuse orders that fit a pattern.
+    fn refuse(&self, pattern: &str) {
+        fs::write(self.folder.path().join("refused"), pattern).unwrap();
+    }
+
+    fn unit(&self, name: &str) -> String {
+        fs::read_to_string(self.host.disk.unit(name)).unwrap_or_default()
+    }
+
+    fn is_enabled(&self, drone: u32) -> bool {
+        let name = format!("enabled-{}", service(drone));
+        self.folder.path().join(name).exists()
+    }
+
+    #[track_caller]
+    fn assert_runs(&self, slot: &str) {
+        let slots = self.host.disk.slots().unwrap();
+        assert_eq!(slots.current.as_deref(), Some(slot));
+        assert_eq!(slots.good.as_deref(), Some(slot));
+        assert_eq!(
+            (self.unit(DRONES), self.unit(BOOT)),
+            (slot.into(), slot.into())
+        );
+    }
+}
+
+/// Answers as drones do.
+fn answer(in_flight: Arc<AtomicBool>) -> SocketAddr {
+    let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    let address = listener.local_addr().unwrap();
+    std::thread::spawn(move || {
+        for stream in listener.incoming() {
+            let mut stream = stream.unwrap();
+            let _ = stream.read(&mut [0; 1_024]);
+            let in_flight = in_flight.load(Ordering::Relaxed);
+            let _ = write!(
+                stream,
+                "HTTP/1.0 200 OK\r\n\r\n{{\"faults\":[],\"in_flight\":{in_flight}}}"
+            );
+        }
+    });
+    address
+}
+
+#[test]
+fn slot_is_enabled_before_it_is_good() {
+    let bench = Bench::with_good(&[0]);
+    bench.install("b", &[0, 1]);
+    assert!(bench.try_slot("b"));
+    bench.assert_runs("b");
+    let log = bench.log();
+    assert!(
+        log.contains("good=a boot=b: enable musterd@1.service"),
+        "{log}"
+    );
+}
+
+#[test]
+fn slot_that_can_not_be_enabled_is_taken_back() {
+    let bench = Bench::with_good(&[0]);
+    bench.install("b", &[0, 1]);
+    bench.refuse("^enable musterd@1");
+    assert!(!bench.try_slot("b"));
+    bench.assert_runs("a");
+    let failure = bench.host.disk.failure().unwrap();
+    assert!(
+        failure.why.contains("enable musterd@1.service failed"),
+        "{failure:?}"
+    );
+}
+
+#[test]
+fn slot_under_which_no_service_starts_is_taken_back() {
+    let bench = Bench::with_good(&[0]);
+    bench.install("b", &[0]);
+    bench.refuse("restart");
+    assert!(!run(&bench.host, &"b".to_owned()).unwrap_or(false));
+    bench.refuse("^$");
+    settle(&bench.host).unwrap();
+    bench.assert_runs("a");
+    let failure = bench.host.disk.failure().unwrap();
+    assert!(
+        failure.why.contains("restart musterd@0.service failed"),
+        "{failure:?}"
+    );
+}
+
+#[test]
+fn boot_goes_back_by_the_good_slot_while_another_is_on_trial() {
+    let bench = Bench::with_good(&[0]);
+    bench.install("b", &[0]);
+    assert!(bench.try_slot("b"));
+    let log = bench.log();
+    assert!(
+        log.contains("good=a boot=a: --no-block restart musterd@0.service"),
+        "{log}"
+    );
+}
+
+#[test]
+fn settling_restores_the_units_of_the_good_slot() {
+    let bench = Bench::with_good(&[0]);
+    for name in [DRONES, BOOT] {
+        fs::write(bench.host.disk.unit(name), "of a slot that failed").unwrap();
+    }
+    settle(&bench.host).unwrap();
+    bench.assert_runs("a");
+    assert!(bench.log().contains("daemon-reload"));
+}
+
+#[test]
+fn settling_enables_and_starts_what_a_power_cut_left_disabled() {
+    let bench = Bench::with_good(&[0]);
+    let name = format!("enabled-{}", service(0));
+    fs::remove_file(bench.folder.path().join(name)).unwrap();
+    settle(&bench.host).unwrap();
+    assert!(bench.is_enabled(0));
+    assert!(bench.log().contains("--no-block start musterd@0.service"));
+}
+
+#[test]
+fn settling_leaves_a_running_trial_alone() {
+    let bench = Bench::with_good(&[0]);
+    bench.install("b", &[0]);
+    let trial = bench.host.disk.try_lock(LOCK).unwrap();
+    bench.host.disk.reach(&Goal::Try("b".to_owned())).unwrap();
+    settle(&bench.host).unwrap();
+    assert!(bench.host.disk.slots().unwrap().is_on_trial());
+    drop(trial);
+    settle(&bench.host).unwrap();
+    bench.assert_runs("a");
+}
+
+#[test]
+fn drone_that_moved_away_is_stopped_and_comes_back_with_its_slot() {
+    let bench = Bench::with_good(&[0, 1]);
+    bench.install("b", &[0]);
+    assert!(bench.try_slot("b"));
+    let log = bench.log();
+    assert!(
+        log.contains("stop musterd@1.service") && !bench.is_enabled(1),
+        "{log}"
+    );
+    roll_back(&bench.host).unwrap();
+    bench.assert_runs("a");
+    assert!(bench.is_enabled(1));
+}
+
+#[test]
+fn drones_of_a_failed_slot_that_the_good_one_has_not_are_stopped() {
+    let bench = Bench::with_good(&[0]);
+    bench.install("b", &[0, 1]);
+    bench.refuse("^enable musterd@0");
+    assert!(!bench.try_slot("b"));
+    bench.assert_runs("a");
+    let log = bench.log();
+    assert!(
+        log.contains("stop musterd@1.service") && !bench.is_enabled(1),
+        "{log}"
+    );
+}
+
+#[test]
+fn nothing_is_tried_or_taken_back_while_a_drone_is_in_flight() {
+    let bench = Bench::with_good(&[0]);
+    bench.install("b", &[0]);
+    assert!(bench.try_slot("b"));
+    bench.install("c", &[0]);
+    bench.in_flight.store(true, Ordering::Relaxed);
+    assert!(!bench.try_slot("c"));
+    assert_eq!(bench.host.disk.failure(), None, "it is deferred");
+    let refused = roll_back(&bench.host).unwrap_err().to_string();
+    assert!(
+        refused.contains("drone 0 takes part in a flight"),
+        "{refused}"
+    );
+    bench.assert_runs("b");
+    assert!(bench.host.disk.slots().unwrap().way_back().is_some());
+}
+
+#[test]
+fn drone_in_flight_that_does_not_answer_is_not_killed() {
+    let mut bench = Bench::with_good(&[0]);
+    // Nobody listens there.
+    bench.address = SocketAddr::from((Ipv4Addr::LOCALHOST, 1));
+    bench.install("b", &[0]);
+    bench.host.disk.reach(&Goal::Try("b".to_owned())).unwrap();
+    fly(
+        &bench.host.disk.slot("b").join("config"),
+        0,
+        State::TakingOff,
+    );
+    let drone = (0, bench.address);
+    assert!(!kill_unless_in_flight(&bench.host, "b", drone).unwrap());
+    assert!(!bench.log().contains("kill"), "{}", bench.log());
+    fly(
+        &bench.host.disk.slot("b").join("config"),
+        0,
+        State::Finished,
+    );
+    assert!(kill_unless_in_flight(&bench.host, "b", drone).unwrap());
+}
