@@ -6,7 +6,7 @@ use std::os::fd::AsFd;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-use muster_controller::{Config, Controller, Truth};
+use muster_controller::{Config, Controller, Sticks, Truth};
 use muster_machines::time::Timestamp;
 use muster_scenarios::controllers::FaultyController;
 use muster_scenarios::scenario::ControllerFault;
@@ -68,6 +68,14 @@ impl LiveController {
         let mut live = lock(&self.0);
         let now = live.recover();
         live.faulty.controller.aircraft(now)
+    }
+
+    /// What its receiver got since the last call.
+    #[must_use]
+    pub fn take_sticks(&self) -> Sticks {
+        let mut live = lock(&self.0);
+        let now = live.recover();
+        live.faulty.controller.take_sticks(now)
     }
 
     /// Injects a fault now, for so long or for good.

@@ -6,7 +6,7 @@
 
 use std::time::Duration;
 
-use muster_controller::Truth;
+use muster_controller::{Sticks, Truth};
 use muster_machines::identity::NodeId;
 use muster_machines::msp::FlightCommand;
 use muster_machines::node::Observation;
@@ -35,8 +35,8 @@ pub enum ProcessReport {
     /// A command to its flight controller.
     Commanded(FlightCommand),
     /// Its aircraft with a flight controller flies like this. Due every [`LOOK_EVERY`](crate::controllers::LOOK_EVERY) while
-    /// it is armed, and when it arms or disarms.
-    Flew(Box<Truth>),
+    /// it is armed, and when it arms or disarms. With its sticks since the last look, if the controller tells them.
+    Flew(Box<Truth>, Option<Sticks>),
     /// Frames sent and admitted since the last message of this kind.
     Traffic {
         /// Sent because of a change or a loss.
@@ -74,7 +74,7 @@ impl Twin {
         match report {
             ProcessReport::Observed(seen) => self.mirror.observed(at, drone, seen),
             ProcessReport::Commanded(command) => self.mirror.commanded(at, drone, command),
-            ProcessReport::Flew(truth) => self.mirror.flew(at, drone, &truth),
+            ProcessReport::Flew(truth, sticks) => self.mirror.flew(at, drone, &truth, sticks),
             ProcessReport::Started => self.mirror.process_started(at, drone),
             ProcessReport::Ended => self.mirror.process_ended(at, drone),
             ProcessReport::Traffic {

@@ -8,7 +8,7 @@ use std::path::Path;
 use std::thread;
 use std::time::Duration;
 
-use muster_controller::Truth;
+use muster_controller::{Sticks, Truth};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
@@ -117,6 +117,14 @@ impl Kind {
             Self::Firmware(firmware) => firmware.truth(),
         }
     }
+
+    /// The sticks since the last call. `None` from firmware: it gets them by itself.
+    fn take_sticks(&self) -> Option<Sticks> {
+        match self {
+            Self::Simulated(controller) => Some(controller.take_sticks()),
+            Self::Firmware(_) => None,
+        }
+    }
 }
 
 /// All controllers. Their threads end with them.
@@ -154,14 +162,18 @@ impl Controllers {
     }
 
     /// The aircraft that have armed or disarmed since the last call, and those in flight that are due for a look.
-    pub(super) fn look(&mut self, now: Timestamp) -> impl Iterator<Item = (NodeId, Truth)> {
+    /// With their sticks since the last look, as far as known.
+    pub(super) fn look(
+        &mut self,
+        now: Timestamp,
+    ) -> impl Iterator<Item = (NodeId, Truth, Option<Sticks>)> {
         self.0.iter_mut().filter_map(move |(id, flown)| {
             let truth = flown.controller.truth();
             let is_news = std::mem::replace(&mut flown.was_armed, truth.is_armed) != truth.is_armed;
             let is_due = (flown.looked_at).is_none_or(|at| now.since(at) >= LOOK_EVERY);
             (is_news || truth.is_armed && is_due).then(|| {
                 flown.looked_at = Some(now);
-                (*id, truth)
+                (*id, truth, flown.controller.take_sticks())
             })
         })
     }

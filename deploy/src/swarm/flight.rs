@@ -240,8 +240,8 @@ impl<'a> Swarm<'a> {
     /// Advances the twin to the delayed clock and applies its decisions to the processes.
     fn advance(&mut self) {
         let elapsed = self.elapsed();
-        for (drone, truth) in self.controllers.look(Timestamp::ZERO + elapsed) {
-            let report = ProcessReport::Flew(Box::new(truth));
+        for (drone, truth, sticks) in self.controllers.look(Timestamp::ZERO + elapsed) {
+            let report = ProcessReport::Flew(Box::new(truth), sticks);
             self.reports.push(Timestamp::ZERO + elapsed, drone, report);
         }
         let until = Timestamp::ZERO + elapsed.saturating_sub(self.twin_delay);

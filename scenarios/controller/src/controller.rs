@@ -128,6 +128,36 @@ impl Truth {
     }
 }
 
+/// What the receiver got since the last look.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Sticks {
+    /// Throttle stick that counts, in µs.
+    pub throttle_us: u16,
+    /// Longest time without an RC frame over MSP. `None` before the first.
+    pub rc_gap: Option<Duration>,
+}
+
+/// RC frames over MSP, in steps.
+#[derive(Debug, Default)]
+struct RcFrames {
+    newest: Option<u64>,
+    longest_gap: u64,
+}
+
+impl RcFrames {
+    fn count(&mut self, step: u64) {
+        if let Some(before) = self.newest.replace(step) {
+            self.longest_gap = self.longest_gap.max(step.saturating_sub(before));
+        }
+    }
+
+    /// The longest gap since the last call, that up to this step included.
+    fn take_gap(&mut self, step: u64) -> Option<u64> {
+        let open = step.saturating_sub(self.newest?);
+        Some(std::mem::take(&mut self.longest_gap).max(open))
+    }
+}
+
 /// A simulated flight controller with its aircraft.
 ///
 /// Time is cut into steps of a millisecond since its start. A call moves the aircraft to the last step that has begun by `now`;
@@ -148,6 +178,7 @@ pub struct Controller {
     firmware: Firmware,
     serial: Serial,
     is_frozen: bool,
+    rc_frames: RcFrames,
 }
 
 impl Controller {
@@ -167,6 +198,7 @@ impl Controller {
             boot_step: 0,
             quiet_from: 0,
             is_frozen: false,
+            rc_frames: RcFrames::default(),
         };
         controller.touch();
         controller
@@ -240,6 +272,17 @@ impl Controller {
     #[must_use]
     pub fn channels(&self) -> [u16; CHANNELS] {
         *self.firmware.receiver.channels()
+    }
+
+    /// What the receiver got since the last call. It changes nothing else.
+    pub fn take_sticks(&mut self, now: Timestamp) -> Sticks {
+        self.advance(now);
+        let step = self.next_step.saturating_sub(1);
+        let gap = self.rc_frames.take_gap(step);
+        Sticks {
+            throttle_us: self.channels()[3],
+            rc_gap: gap.map(|steps| Duration::from_nanos(steps.saturating_mul(STEP_NANOS))),
+        }
     }
 
     /// What the port dropped.
@@ -347,6 +390,7 @@ impl Controller {
                     return false;
                 };
                 self.firmware.receive(step - self.boot_step, rc.channels_us);
+                self.rc_frames.count(step);
             }
             ReceivedMotors::COMMAND => {
                 let Ok(motors) = ReceivedMotors::decode(&request.payload) else {

@@ -19,7 +19,7 @@ mod telemetry;
 mod wind;
 
 pub use airframe::{Airframe, GRAVITY_MPS2, Motor, Pack};
-pub use controller::{Config, Controller, Fault, Truth};
+pub use controller::{Config, Controller, Fault, Sticks, Truth};
 pub use firmware::arming::Refusal;
 pub use firmware::settings::{
     CHANNELS, CellLimits, FailsafeSettings, Gains, ModeRange, Procedure, ReceiverMode, RxFail,

@@ -9,7 +9,7 @@ use super::Violation;
 
 /// Longest gap between two RC frames to an armed controller over an open port. Betaflight takes its receiver for lost after
 /// 150 ms.
-const GAP_MAX: Duration = Duration::from_millis(100);
+pub(crate) const RC_GAP_MAX: Duration = Duration::from_millis(100);
 
 /// The gaps between a drone's RC frames.
 ///
@@ -48,7 +48,7 @@ impl RcGaps {
 
     /// Whether a gap of a drone was too long. To ask whenever frames were sent or looked for.
     pub(crate) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
-        (self.longest >= GAP_MAX).then(|| Violation {
+        (self.longest >= RC_GAP_MAX).then(|| Violation {
             rule: 7,
             at: now,
             drones: vec![drone],

@@ -72,6 +72,7 @@ mod tests {
                 (at(0.0), State::TakingOff),
                 (at(1.5), State::WaypointReached { waypoint: 0 }),
             ],
+            control: None,
         }
     }
 
@@ -95,6 +96,7 @@ mod tests {
         let without_track = FlightOfDrone {
             track: vec![],
             states: vec![],
+            control: None,
         };
         assert_eq!(without_track.position_at(at(1.0)), None);
         assert_eq!(without_track.state_at(at(1.0)), State::Start);

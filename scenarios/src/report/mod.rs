@@ -2,6 +2,7 @@
 
 mod agents;
 mod closest;
+pub(crate) mod control;
 pub(crate) mod figures;
 mod flight;
 mod folder;
@@ -20,6 +21,7 @@ mod write;
 use std::collections::BTreeMap;
 use std::fmt;
 
+pub use control::{ControlSeries, Extremes, Stretch};
 pub use figures::Kind;
 pub use folder::numbered;
 pub use history::{
@@ -390,4 +392,6 @@ pub struct FlightOfDrone {
     pub track: Vec<(Timestamp, Ned)>,
     /// State changes with their times; the first is the state at the start of the run.
     pub states: Vec<(Timestamp, State)>,
+    /// How it was flown; `None` without a flight controller.
+    pub control: Option<ControlSeries>,
 }

@@ -204,6 +204,7 @@ impl Script {
                 .into_iter()
                 .map(|(since_s, state)| (at(since_s), state))
                 .collect(),
+            control: None,
         }
     }
 

@@ -120,6 +120,7 @@ impl Run<'_> {
     /// Tracks and states of one swarm.
     fn flight(&self, swarm: &Scenario, joins: Joins, flown: &SwarmOutcome) -> Flight {
         let drones = flown.recorder.drones().zip(&flown.vehicles);
+        let drones = drones.zip(&flown.controls);
         Flight {
             waypoints: swarm
                 .plan
@@ -129,9 +130,10 @@ impl Run<'_> {
                 .collect(),
             range_m: self.scenario.radio.propagation.range_m(),
             drones: drones
-                .map(|((_, record), vehicle)| FlightOfDrone {
+                .map(|(((_, record), vehicle), control)| FlightOfDrone {
                     track: track(vehicle, record, self.outcome.ended),
                     states: record.states.clone(),
+                    control: control.clone(),
                 })
                 .collect(),
             history: self.history(swarm, flown),

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use muster_controller::{Contact, Controller, Fault, PoseSensor, Truth};
+use muster_controller::{Contact, Controller, Fault, PoseSensor, Sticks, Truth};
 use muster_machines::identity::NodeId;
 use muster_machines::msp::controller::{ACKNOWLEDGED_MIN, LOST_AFTER, Receiver, Stage};
 use muster_machines::msp::{Introduction, PortEvent};
@@ -18,6 +18,7 @@ use super::faulty::FaultyController;
 use super::pilot::Pilot;
 use crate::checkers::{RcGaps, Violation, Wrecks};
 use crate::controllers::{config, pose_errors};
+use crate::report::ControlSeries;
 use crate::scenario::{ControllerFault, Scenario};
 
 /// Interval at which the world looks at an aircraft in flight: meanwhile it strays by centimetres from a constant velocity.
@@ -46,6 +47,7 @@ struct Attached {
     wreck: Wrecks,
     gaps: RcGaps,
     figures: PortFigures,
+    series: ControlSeries,
 }
 
 /// What a port has counted since the start of the run.
@@ -122,6 +124,7 @@ impl Controllers {
                         opened: 1,
                         ..PortFigures::default()
                     },
+                    series: ControlSeries::default(),
                 }
             }));
         }
@@ -254,9 +257,30 @@ impl Controllers {
         attached.was_armed = truth.is_armed;
         if is_news || truth.is_armed && is_due {
             attached.looked_at = Some(now);
+            let sticks = attached.faulty.controller.take_sticks(now);
+            attached.series.look(now, &truth, Some(sticks));
             return Some((truth, now + LOOK_EVERY));
         }
         None
+    }
+
+    /// A controller elsewhere flies a drone's aircraft like this.
+    pub(super) fn flew(
+        &mut self,
+        now: Timestamp,
+        drone: NodeId,
+        truth: &Truth,
+        sticks: Option<Sticks>,
+    ) {
+        if let Some(attached) = self.get(drone) {
+            attached.series.look(now, truth, sticks);
+        }
+    }
+
+    /// How a drone was flown; `None` without a controller.
+    pub(super) fn series(&self, drone: NodeId) -> Option<ControlSeries> {
+        let attached = self.0.get(drone.0 as usize)?.as_ref()?;
+        Some(attached.series.clone())
     }
 
     /// Whether a drone's controller has waited for RC for too long, or its aircraft has broken.

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use muster_controller::Truth;
+use muster_controller::{Sticks, Truth};
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{self, State};
 use muster_machines::msp::FlightCommand;
@@ -114,11 +114,19 @@ impl Mirror {
         self.deliver_elsewhere();
     }
 
-    /// A drone's aircraft with a flight controller flies like this, likewise.
-    pub(crate) fn flew(&mut self, at: Timestamp, drone: NodeId, truth: &Truth) {
+    /// A drone's aircraft with a flight controller flies like this, likewise. `sticks`: those since the last call.
+    pub(crate) fn flew(
+        &mut self,
+        at: Timestamp,
+        drone: NodeId,
+        truth: &Truth,
+        sticks: Option<Sticks>,
+    ) {
         self.advance(at);
         let scene = &mut self.world.scene;
-        let until = scene.core.now() + LOOK_EVERY;
+        let now = scene.core.now();
+        scene.controllers.flew(now, drone, truth, sticks);
+        let until = now + LOOK_EVERY;
         let (core, air) = (&mut scene.core, &mut scene.air);
         scene.airspace.observe(core, air, drone, truth, until);
         self.deliver_elsewhere();

@@ -252,14 +252,17 @@ impl World {
         let (vehicles, closest_m) = (self.scene.airspace).finish(core, is_stuck);
         let ended = self.scene.core.now();
         let mut ports = (0..).map(NodeId).map(|id| controllers.figures(id));
+        let mut controls = (0..).map(NodeId).map(|id| controllers.series(id));
         let mut vehicles = vehicles.into_iter();
         let swarms = self.scene.core.swarms.finish().map(|(recorder, nodes)| {
             let vehicles = vehicles.by_ref().take(nodes).collect();
             let ports = ports.by_ref().take(nodes).collect();
+            let controls = controls.by_ref().take(nodes).collect();
             SwarmOutcome {
                 recorder,
                 vehicles,
                 ports,
+                controls,
             }
         });
         Outcome {

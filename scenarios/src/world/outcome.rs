@@ -11,6 +11,7 @@ use super::controllers::PortFigures;
 use super::injection::Injection;
 use super::recorder::{Record, Recorder};
 use crate::checkers::Violation;
+use crate::report::ControlSeries;
 
 /// The outcome of a run.
 #[derive(Debug)]
@@ -36,6 +37,8 @@ pub(crate) struct SwarmOutcome {
     pub(crate) vehicles: Vec<Vehicle>,
     /// Of drones first, then of relays; `None` without a flight controller.
     pub(crate) ports: Vec<Option<PortFigures>>,
+    /// How each was flown, likewise.
+    pub(crate) controls: Vec<Option<ControlSeries>>,
 }
 
 /// The positions of a vehicle from arming to disarming: each second, and at each turn.

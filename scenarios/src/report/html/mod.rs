@@ -2,6 +2,7 @@
 
 pub(crate) mod axis;
 pub(crate) mod bars;
+mod control;
 pub(crate) mod map;
 mod relays;
 mod replay;
@@ -182,6 +183,7 @@ fn swarm_sections(report: &Report, flight: &Flight) -> Markup {
             p.about { "A number above is a waypoint, at the time when the last drone left it." }
             (timeline::timeline(report, flight))
         }
+        (control::control(report, flight))
         (relays::relays(report))
         section {
             h2 { "Barriers" }

@@ -1,8 +1,11 @@
+use std::time::Duration;
+
 use scraper::{Html, Selector};
 
 use super::page;
 use muster_machines::time::Timestamp;
 
+use crate::report::control::tests::flown;
 use crate::report::{Flight, Mark, MarkKind, Report, sample};
 
 fn parsed((report, flight): &(Report, Flight)) -> Html {
@@ -141,4 +144,55 @@ fn time_of_processes_is_not_called_simulated() {
     report.engine = None;
     let page = page(&report, &flight);
     assert!(page.contains("time in seconds") && !page.contains("simulated"));
+}
+
+#[test]
+fn drones_with_a_flight_controller_have_plots_and_no_others_do() {
+    let gap = Duration::from_millis(20);
+    let (report, mut flight) = sample::swarm(4);
+    assert_eq!(
+        number(
+            &parsed(&(report.clone(), flight.clone())),
+            "details.control"
+        ),
+        0
+    );
+    flight.drones[1].control = Some(flown(60, gap));
+    flight.drones[3].control = Some(flown(60, gap));
+    let mark = |kind, nodes| Mark {
+        at: Timestamp::from_secs_f64(20.0),
+        until: None,
+        kind,
+        nodes,
+        text: "it broke".to_owned(),
+    };
+    flight.history.marks = vec![
+        mark(MarkKind::Fault, vec![3]),
+        mark(MarkKind::Death, vec![1]),
+    ];
+    let html = parsed(&(report, flight));
+    assert_eq!(text(&html, "details.control summary"), "drone 1drone 3");
+    assert_eq!(number(&html, "details.control[open]"), 1);
+    for class in ["c-roll", "c-pitch", "c-throttle", "c-gap"] {
+        assert_eq!(number(&html, &format!("details.control path.{class}")), 2);
+    }
+    assert_eq!(number(&html, "details.control line.mean"), 2);
+    assert_eq!(
+        text(&html, "details.control g.broken title"),
+        "fault at 20.0 s: it broke"
+    );
+}
+
+#[test]
+fn a_gap_beyond_the_axis_is_drawn_at_its_edge() {
+    let heights = |milliseconds| {
+        let (report, mut flight) = sample::swarm(1);
+        flight.drones[0].control = Some(flown(60, Duration::from_millis(milliseconds)));
+        let html = parsed(&(report, flight));
+        let selector = Selector::parse("path.c-gap").unwrap();
+        let path = html.select(&selector).next().unwrap();
+        path.value().attr("d").unwrap().to_owned()
+    };
+    assert_ne!(heights(20), heights(200));
+    assert_eq!(heights(200), heights(60_000));
 }

@@ -317,3 +317,28 @@ fn a_voltage_too_low_under_load_brings_the_aircraft_down() {
         );
     }
 }
+
+#[test]
+fn how_it_was_flown_is_recorded_with_every_gap() {
+    let mut bench = Bench::flying("sole", 1);
+    bench.pass(5.0);
+    let longest = |bench: &Bench| {
+        let series = bench
+            .controllers
+            .series(DRONE)
+            .expect("it has a controller");
+        let runs = series.runs();
+        assert_eq!(runs.len(), 1);
+        let all: Vec<_> = runs[0].iter().map(|(_, stretch)| *stretch).collect();
+        assert!(all.iter().all(|it| it.throttle_us.is_some()));
+        (all.iter().filter_map(|it| it.rc_gap_ms)).fold(0.0, f64::max)
+    };
+    let before_ms = longest(&bench);
+    assert!((20.0..100.0).contains(&before_ms), "{before_ms}");
+    let closed = Some(Duration::from_millis(400));
+    bench
+        .controllers
+        .affect(bench.now, DRONE, ControllerFault::ClosePort, closed);
+    bench.pass(3.0);
+    assert!(longest(&bench) >= 400.0);
+}

@@ -4,6 +4,7 @@ use serde_json::Value;
 
 use super::values::{NAMES_MAX, POINTS_MAX};
 use crate::engine::{self, Engine};
+use crate::report::control::tests::leaning;
 use crate::report::{Flight, ObservedValue, Report, page, sample};
 use crate::scenario::load;
 
@@ -198,7 +199,8 @@ fn long_series_keep_their_extremes_and_names_beyond_the_limit_are_listed() {
 
 #[test]
 fn page_of_15_drones_is_below_1_mb_and_of_100_below_8_mb() {
-    let with_values = |(mut report, flight): (Report, Flight)| {
+    let series = leaning();
+    let with_values = |(mut report, mut flight): (Report, Flight)| {
         let drones = u32::try_from(report.drones.len()).unwrap();
         let values = (0..100_000_u32).map(|step| {
             let name = format!("value {}", step % 10);
@@ -206,6 +208,9 @@ fn page_of_15_drones_is_below_1_mb_and_of_100_below_8_mb() {
             observed(step / 10 % drones, f64::from(step) / 500.0, &name, value)
         });
         report.observed = values.collect();
+        for drone in &mut flight.drones {
+            drone.control = Some(series.clone());
+        }
         (report, flight)
     };
     let (report, flight) = with_values(flown("thesis-2.toml"));
