@@ -133,7 +133,7 @@ fn archive_with_another_file_than_its_manifest_names_is_refused() {
     }
 }
 
-/// Whoever has no key makes nobody unpack gigabytes.
+/// Without the key nobody can make a reader unpack gigabytes.
 #[test]
 fn archive_is_unpacked_only_as_far_as_its_manifest_is_signed() {
     let folder = bench();

@@ -8,7 +8,7 @@ use super::PortEvent;
 use super::controller::Stage;
 use crate::time::Timestamp;
 
-/// How long a status is told to new links. It is asked five times a second.
+/// How long a status is told to new links. It is asked six times a second.
 const STATUS_MAX: Duration = Duration::from_millis(500);
 
 /// What a port has said of its controller. The owner of a port keeps one beside it.

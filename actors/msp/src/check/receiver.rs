@@ -1,5 +1,7 @@
 //! Firmware, receiver, override.
 
+use std::fmt::Display;
+
 use super::{Findings, ReceiverMode};
 use crate::channels::Channel;
 use crate::configuration::{Configuration, Identity, OverrideSettings};
@@ -10,6 +12,9 @@ pub(super) const OVERRIDE_UNREAD: &str = "override-unread";
 
 /// The receiver's channels of the four sticks in a mask.
 const STICKS: u32 = 0b1111;
+
+/// Why a mask without channels is unsafe.
+const NO_OVERRIDE: &str = "MSP replaces no channel";
 
 pub(super) fn check(configuration: &Configuration, mode: ReceiverMode, findings: &mut Findings) {
     check_firmware(&configuration.identity, mode, findings);
@@ -136,18 +141,21 @@ fn check_override(configuration: &Configuration, is_sole: bool, findings: &mut F
             "not read",
             "muster fc check --cli",
         ),
-        None => add_no_override("the mode MSP OVERRIDE is absent", findings),
+        None => add_mask(NO_OVERRIDE, "the mode MSP OVERRIDE is absent", findings),
     }
 }
 
 fn check_override_settings(settings: OverrideSettings, findings: &mut Findings) {
     let OverrideSettings { mask, failsafe } = settings;
-    if mask == 0 {
-        add_no_override("msp_override_channels_mask = 0", findings);
-    } else if mask & STICKS != STICKS {
-        add_mask("MSP does not replace all four sticks", mask, findings);
-    } else if mask != STICKS {
-        add_mask("MSP replaces switches of the pilot", mask, findings);
+    let danger = match mask {
+        STICKS => None,
+        0 => Some(NO_OVERRIDE),
+        _ if mask & STICKS != STICKS => Some("MSP does not replace all four sticks"),
+        _ => Some("MSP replaces switches of the pilot"),
+    };
+    if let Some(danger) = danger {
+        let found = format!("msp_override_channels_mask = {mask}");
+        add_mask(danger, found, findings);
     }
     if failsafe {
         findings.add(
@@ -159,19 +167,10 @@ fn check_override_settings(settings: OverrideSettings, findings: &mut Findings) 
     }
 }
 
-fn add_mask(danger: &'static str, mask: u32, findings: &mut Findings) {
+fn add_mask(danger: &'static str, found: impl Display, findings: &mut Findings) {
     findings.add(
         "override-mask",
         danger,
-        format!("msp_override_channels_mask = {mask}"),
-        format!("set msp_override_channels_mask = {STICKS}"),
-    );
-}
-
-fn add_no_override(found: &'static str, findings: &mut Findings) {
-    findings.add(
-        "override-mask",
-        "MSP replaces no channel",
         found,
         format!("set msp_override_channels_mask = {STICKS}"),
     );

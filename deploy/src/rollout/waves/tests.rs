@@ -115,6 +115,11 @@ impl Fleet {
         panic!("the rollout does not end: {:?}", self.rollout);
     }
 
+    fn assert_all_changed(&self) {
+        let mut hosts = self.rollout.hosts().iter();
+        assert!(hosts.all(|it| *it == HostState::Changed));
+    }
+
     fn position(&self, action: Action) -> Option<usize> {
         self.actions.iter().position(|it| *it == action)
     }
@@ -123,13 +128,7 @@ impl Fleet {
 #[test]
 fn each_wave_soaks_before_the_next() {
     let fleet = Fleet::waiting().run();
-    assert!(
-        fleet
-            .rollout
-            .hosts()
-            .iter()
-            .all(|it| *it == HostState::Changed)
-    );
+    fleet.assert_all_changed();
     let changes: Vec<_> = (0..5).map(Action::Change).collect();
     assert_eq!(fleet.actions, changes);
     assert!(
@@ -244,13 +243,7 @@ fn host_that_loses_a_drone_is_changed_before_the_one_that_gets_it() {
     fleet.rollout.waits_for[1] = BTreeMap::from([(2, "drone 1 runs on c".to_owned())]);
     let fleet = fleet.run();
     assert!(fleet.position(Action::Change(2)) < fleet.position(Action::Change(1)));
-    assert!(
-        fleet
-            .rollout
-            .hosts()
-            .iter()
-            .all(|it| *it == HostState::Changed)
-    );
+    fleet.assert_all_changed();
 }
 
 #[test]
