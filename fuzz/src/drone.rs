@@ -60,7 +60,9 @@ impl Op {
                 out.push(u8::try_from(time.as_millis() / 4).unwrap_or(u8::MAX));
             }
             Self::Fly => out.push(3),
-            Self::ComeDown | Self::Frame(..) | Self::Send(_) => unreachable!("no corpus is made of {self:?}"),
+            Self::ComeDown | Self::Frame(..) | Self::Send(_) => {
+                unreachable!("no corpus is made of {self:?}")
+            }
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use muster_indoor::reading::Echo;
-use muster_sensors::hc_sr04::{Edge, EchoTimer};
+use muster_sensors::hc_sr04::{EchoTimer, Edge};
 
 pub(crate) fn run(bytes: &[u8]) {
     let mut timer = EchoTimer::default();

@@ -7,7 +7,11 @@ pub(crate) fn run(bytes: &[u8]) {
         return;
     };
     match parse(text) {
-        Ok(steps) => assert!(steps.iter().all(|step| (2..=BEAMS_MAX).contains(&step.scan.ranges_m.len()))),
+        Ok(steps) => assert!(
+            steps
+                .iter()
+                .all(|step| (2..=BEAMS_MAX).contains(&step.scan.ranges_m.len()))
+        ),
         Err(refusal) => {
             assert!(text.get(refusal.span).is_some());
             assert!(!refusal.accepted.is_empty());

@@ -9,7 +9,9 @@ pub(crate) fn run(bytes: &[u8]) {
     if let Ok(text) = std::str::from_utf8(bytes) {
         match Header::parse(text) {
             Ok(header) => check(&header, &[]),
-            Err(refusal) => assert!(refusal.span.start <= refusal.span.end && refusal.span.end <= text.len()),
+            Err(refusal) => {
+                assert!(refusal.span.start <= refusal.span.end && refusal.span.end <= text.len());
+            }
         }
     }
     check(&Header::parse(HEADER).expect("a constant"), bytes);
