@@ -2,34 +2,33 @@
 //! seed, other swarms) is ignored here.
 
 mod autopilot;
+mod controller;
 mod flight;
+mod network;
 mod raw;
 
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::msp::controller::{Receiver, Stage};
 use muster_machines::node::LinkBuilder;
-use muster_machines::wire;
-use muster_port::Address;
 use muster_runtime::diagnostic::{BadInput, FileFormat, TomlFile, read_text};
-use muster_runtime::identity::{
-    DroneKey, Ed25519Authenticator, FleetKey, Grant, GrantedStage, RevocationList, Roster,
-};
+use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
 use muster_runtime::journal::flights;
 use muster_runtime::plan::Plan;
 use muster_runtime::schema::{self, FieldList, FileSchema, Located};
 use muster_runtime::vehicle::VehicleKind;
-use muster_transport::sockets::{self, Reach};
+use muster_transport::sockets;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub(crate) use self::autopilot::AutopilotConfig;
+pub(crate) use self::controller::{ControllerConfig, Permission};
 pub(crate) use self::flight::Origin;
-use self::raw::{LevelName, LogName, Network, Raw, VehicleName};
+use self::raw::{LevelName, LogName, Raw, VehicleName};
 pub use self::raw::{ReceiverName, StageName};
 use crate::log::{Format, Level};
 
@@ -38,15 +37,6 @@ use crate::log::{Format, Level};
 fn kept_list(journal: &Path, id: u32) -> PathBuf {
     journal.with_file_name(format!("revoked-kept-{id}.toml"))
 }
-
-/// Path of the last check of a drone's flight controller on the ground. It is beside the journal's folder, because it
-/// outlives the journal.
-fn kept_check(journal: &Path, id: u32) -> PathBuf {
-    journal.with_file_name(format!("controller-kept-{id}.toml"))
-}
-
-/// The most peers of a drone.
-const PEERS_MAX: usize = 1_000;
 
 /// The schema of a drone's file.
 #[must_use]
@@ -106,27 +96,6 @@ pub struct DroneConfig {
     pub(crate) autopilot: Option<AutopilotConfig>,
     /// Address of `/metrics`, `/health` and `/status`. `None` without `[observe]`.
     pub(crate) http: Option<SocketAddr>,
-}
-
-/// A flight controller, as a drone's file names it.
-#[derive(Debug)]
-pub(crate) struct ControllerConfig {
-    pub(crate) port: Address,
-    pub(crate) stage: Stage,
-    pub(crate) receiver: Receiver,
-    /// Where poses arrive. `None` if GPS tells where the vehicle is.
-    pub(crate) pose: Option<SocketAddr>,
-    /// What must be earned. `None` up to the stage `bench`.
-    pub(crate) permission: Option<Permission>,
-}
-
-/// A grant for a stage above `bench`. It names this drone and at least this stage.
-#[derive(Debug, Clone)]
-pub(crate) struct Permission {
-    pub(crate) grant: Grant,
-    pub(crate) stage: GrantedStage,
-    /// Path of the controller's last check on the ground.
-    pub(crate) kept: PathBuf,
 }
 
 /// Returns the text of the file at a path.
@@ -302,108 +271,6 @@ impl File {
         TomlFile::read(path, FORMAT).map(Self)
     }
 
-    /// The flight controller, if the drone has one. Checks that the vehicle fits the stage.
-    fn controller(&self) -> Result<Option<ControllerConfig>, BadInput> {
-        let raw = &self.0.raw;
-        let refuse = |at: std::ops::Range<usize>, message: &str| Err(self.0.error(at, message));
-        let (stage, vehicle) = (&raw.stage, &raw.vehicle);
-        let stage = match (stage.get_ref(), vehicle.get_ref()) {
-            (_, VehicleName::Mavlink) => return Ok(None),
-            (StageName::Sim, _) => Stage::Sim,
-            (StageName::Bench, VehicleName::Msp) => Stage::Bench,
-            (StageName::Tethered, VehicleName::Msp) => Stage::Tethered,
-            (StageName::Flight, VehicleName::Msp) => Stage::Flight,
-            (_, VehicleName::ClosedForm) => {
-                let message = "`stage` needs \"sim\": a simulated vehicle flies in no other stage";
-                return refuse(stage.span(), message);
-            }
-        };
-        if *vehicle.get_ref() == VehicleName::ClosedForm {
-            let port = raw.port.as_ref().map(Located::span);
-            let receiver = raw.receiver.as_ref().map(Located::span);
-            let pose = raw.pose.as_ref().map(Located::span);
-            return match port.or(receiver).or(pose) {
-                Some(span) => refuse(
-                    span,
-                    "only a `vehicle = \"msp\"` has a port, a receiver and a pose",
-                ),
-                None => Ok(None),
-            };
-        }
-        let (Some(port), Some(receiver)) = (&raw.port, &raw.receiver) else {
-            let message = "`vehicle = \"msp\"` needs `port` (\"serial:/dev/ttyACM0\", \"tcp:127.0.0.1:5761\") and \
-                           `receiver` (\"sole\", \"override\")";
-            return refuse(vehicle.span(), message);
-        };
-        let address: Address = match port.get_ref().parse() {
-            Ok(address) => address,
-            Err(error) => return refuse(port.span(), &error.to_string()),
-        };
-        if stage == Stage::Sim && matches!(address, Address::Serial { .. }) {
-            let message = "in the stage \"sim\" `port` needs \"tcp:HOST:PORT\": motors may hang on a serial device";
-            return refuse(port.span(), message);
-        }
-        if let Some(pose) = &raw.pose
-            && !(pose.get_ref().ip().is_loopback() && pose.get_ref().port() > 0)
-        {
-            let message = "`pose` needs a loopback address and a fixed port: who reaches it says where the drone is";
-            return refuse(pose.span(), message);
-        }
-        Ok(Some(ControllerConfig {
-            permission: self.permission(receiver)?,
-            pose: raw.pose.as_ref().map(|it| *it.get_ref()),
-            port: address,
-            stage,
-            receiver: match receiver.get_ref() {
-                ReceiverName::Sole => Receiver::Sole,
-                ReceiverName::Override => Receiver::Override,
-            },
-        }))
-    }
-
-    /// The grant that the stage needs, if it needs one. In the stage `bench` a grant is looked at if there is one.
-    fn permission(&self, receiver: &Located<ReceiverName>) -> Result<Option<Permission>, BadInput> {
-        let raw = &self.0.raw;
-        let stage = match raw.stage.get_ref() {
-            StageName::Sim => return Ok(None),
-            StageName::Bench => GrantedStage::Bench,
-            StageName::Tethered => GrantedStage::Tethered,
-            StageName::Flight => GrantedStage::Flight,
-        };
-        if stage == GrantedStage::Bench {
-            if let Some(path) = &raw.keys.grant {
-                self.grant(path, stage)?;
-            }
-            return Ok(None);
-        }
-        if *receiver.get_ref() == ReceiverName::Sole {
-            let message = format!(
-                "the stage \"{stage}\" needs `receiver = \"override\"`: a pilot who arms and can take over"
-            );
-            return Err(self.0.error(receiver.span(), &message));
-        }
-        let Some(path) = &raw.keys.grant else {
-            let message = format!(
-                "the stage \"{stage}\" needs `keys.grant`, a file that `muster deploy promote` writes"
-            );
-            return Err(self.0.error(raw.stage.span(), &message));
-        };
-        Ok(Some(Permission {
-            grant: self.grant(path, stage)?,
-            stage,
-            kept: kept_check(&self.0.resolve(&raw.journal), *raw.id.get_ref()),
-        }))
-    }
-
-    /// The grant in a file, if it is for this drone and stage.
-    fn grant(&self, path: &Located<PathBuf>, stage: GrantedStage) -> Result<Grant, BadInput> {
-        let grant = Grant::load(&self.0.resolve(path.get_ref()), &self.fleet()?)?;
-        match grant.is_for(NodeId(*self.0.raw.id.get_ref()), stage) {
-            Ok(()) => Ok(grant),
-            Err(refusal) => Err(self.0.error(path.span(), &refusal.to_string())),
-        }
-    }
-
     fn check_plan(&self, plan: &Plan) -> Result<(), BadInput> {
         let nodes = plan.nodes();
         if *self.0.raw.id.get_ref() >= nodes {
@@ -507,93 +374,6 @@ impl File {
         } else {
             named
         })
-    }
-
-    /// The table of the chosen transport. The other transport's table is ignored.
-    fn network(&self, id: NodeId) -> Result<sockets::Config, BadInput> {
-        let transport = &self.0.raw.transport;
-        let (table, name) = match transport.get_ref() {
-            TransportName::Udp => (&self.0.raw.udp, "udp"),
-            TransportName::Quic => (&self.0.raw.quic, "quic"),
-        };
-        let Some(network) = table else {
-            let message = format!(
-                "the transport \"{name}\" needs a table `[{name}]` with the addresses of other drones"
-            );
-            return Err(self.0.error(transport.span(), &message));
-        };
-        let reach = self.reach(network)?;
-        let network = network.get_ref();
-        let bind = network.bind.as_ref().map(|it| *it.get_ref());
-        let bind = bind.unwrap_or(SocketAddr::from((Ipv4Addr::UNSPECIFIED, 0)));
-        if let Reach::Group(all) | Reach::Broadcast(all) = reach
-            && let Some(own) = &network.bind
-        {
-            if own.get_ref().port() == all.port() {
-                let message = "`bind` needs another port than the group or broadcast address";
-                return Err(self.0.error(own.span(), message));
-            }
-            if !own.get_ref().is_ipv4() {
-                let message = "`bind` needs an IPv4 address: groups and broadcasts are IPv4 only";
-                return Err(self.0.error(own.span(), message));
-            }
-        }
-        Ok(sockets::Config {
-            id,
-            bind,
-            reach,
-            interface: network.interface.clone(),
-            datagram_max: wire::DATAGRAM_MAX,
-        })
-    }
-
-    fn reach(&self, network: &Located<Network>) -> Result<Reach, BadInput> {
-        let Network {
-            bind,
-            group,
-            broadcast,
-            peers,
-            ..
-        } = network.get_ref();
-        let has_other_family = |peer: &SocketAddr| {
-            bind.as_ref()
-                .is_some_and(|bind| bind.get_ref().is_ipv4() != peer.is_ipv4())
-        };
-        match (group, broadcast, peers) {
-            (Some(all), None, None) | (None, Some(all), None) if all.get_ref().port() == 0 => {
-                Err(self
-                    .0
-                    .error(all.span(), "needs a fixed port (1–65535), found 0"))
-            }
-            (Some(group), None, None) if group.get_ref().ip().is_multicast() => {
-                Ok(Reach::Group(*group.get_ref()))
-            }
-            (Some(group), None, None) => {
-                let message = "not a multicast group (224.0.0.0 to 239.255.255.255)";
-                Err(self.0.error(group.span(), message))
-            }
-            (None, Some(broadcast), None) => Ok(Reach::Broadcast(*broadcast.get_ref())),
-            (None, None, Some(peers)) if peers.get_ref().len() > PEERS_MAX => Err(self.0.error(
-                peers.span(),
-                &format!(
-                    "{} peers are too many; at most {PEERS_MAX} are accepted",
-                    peers.get_ref().len()
-                ),
-            )),
-            (None, None, Some(peers)) if bind.is_none() => {
-                let message = "`peers` needs `bind`: the other drones send to that address";
-                Err(self.0.error(peers.span(), message))
-            }
-            (None, None, Some(peers)) if peers.get_ref().iter().any(has_other_family) => {
-                let message = "`peers` and `bind` need the same address family, IPv4 or IPv6";
-                Err(self.0.error(peers.span(), message))
-            }
-            (None, None, Some(peers)) => Ok(Reach::Peers(peers.get_ref().clone())),
-            _ => {
-                let message = "the table needs exactly one of `group`, `broadcast` and `peers`";
-                Err(self.0.error(network.span(), message))
-            }
-        }
     }
 }
 

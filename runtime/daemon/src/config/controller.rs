@@ -1,0 +1,145 @@
+//! The flight controller of a drone's file: its port, who flies it, and what its stage needs.
+
+use std::net::SocketAddr;
+use std::path::{Path, PathBuf};
+
+use muster_machines::identity::NodeId;
+use muster_machines::msp::controller::{Receiver, Stage};
+use muster_port::Address;
+use muster_runtime::diagnostic::BadInput;
+use muster_runtime::identity::{Grant, GrantedStage};
+use muster_runtime::schema::Located;
+
+use super::File;
+use super::raw::{ReceiverName, StageName, VehicleName};
+
+/// Path of the last check of a drone's flight controller on the ground. It is beside the journal's folder, because it
+/// outlives the journal.
+fn kept_check(journal: &Path, id: u32) -> PathBuf {
+    journal.with_file_name(format!("controller-kept-{id}.toml"))
+}
+
+/// A flight controller, as a drone's file names it.
+#[derive(Debug)]
+pub(crate) struct ControllerConfig {
+    pub(crate) port: Address,
+    pub(crate) stage: Stage,
+    pub(crate) receiver: Receiver,
+    /// Where poses arrive. `None` if GPS tells where the vehicle is.
+    pub(crate) pose: Option<SocketAddr>,
+    /// What must be earned. `None` up to the stage `bench`.
+    pub(crate) permission: Option<Permission>,
+}
+
+/// A grant for a stage above `bench`. It names this drone and at least this stage.
+#[derive(Debug, Clone)]
+pub(crate) struct Permission {
+    pub(crate) grant: Grant,
+    pub(crate) stage: GrantedStage,
+    /// Path of the controller's last check on the ground.
+    pub(crate) kept: PathBuf,
+}
+
+impl File {
+    /// The flight controller, if the drone has one. Checks that the vehicle fits the stage.
+    pub(super) fn controller(&self) -> Result<Option<ControllerConfig>, BadInput> {
+        let raw = &self.0.raw;
+        let refuse = |at: std::ops::Range<usize>, message: &str| Err(self.0.error(at, message));
+        let (stage, vehicle) = (&raw.stage, &raw.vehicle);
+        let stage = match (stage.get_ref(), vehicle.get_ref()) {
+            (_, VehicleName::Mavlink) => return Ok(None),
+            (StageName::Sim, _) => Stage::Sim,
+            (StageName::Bench, VehicleName::Msp) => Stage::Bench,
+            (StageName::Tethered, VehicleName::Msp) => Stage::Tethered,
+            (StageName::Flight, VehicleName::Msp) => Stage::Flight,
+            (_, VehicleName::ClosedForm) => {
+                let message = "`stage` needs \"sim\": a simulated vehicle flies in no other stage";
+                return refuse(stage.span(), message);
+            }
+        };
+        if *vehicle.get_ref() == VehicleName::ClosedForm {
+            let port = raw.port.as_ref().map(Located::span);
+            let receiver = raw.receiver.as_ref().map(Located::span);
+            let pose = raw.pose.as_ref().map(Located::span);
+            return match port.or(receiver).or(pose) {
+                Some(span) => refuse(
+                    span,
+                    "only a `vehicle = \"msp\"` has a port, a receiver and a pose",
+                ),
+                None => Ok(None),
+            };
+        }
+        let (Some(port), Some(receiver)) = (&raw.port, &raw.receiver) else {
+            let message = "`vehicle = \"msp\"` needs `port` (\"serial:/dev/ttyACM0\", \"tcp:127.0.0.1:5761\") and \
+                           `receiver` (\"sole\", \"override\")";
+            return refuse(vehicle.span(), message);
+        };
+        let address: Address = match port.get_ref().parse() {
+            Ok(address) => address,
+            Err(error) => return refuse(port.span(), &error.to_string()),
+        };
+        if stage == Stage::Sim && matches!(address, Address::Serial { .. }) {
+            let message = "in the stage \"sim\" `port` needs \"tcp:HOST:PORT\": motors may hang on a serial device";
+            return refuse(port.span(), message);
+        }
+        if let Some(pose) = &raw.pose
+            && !(pose.get_ref().ip().is_loopback() && pose.get_ref().port() > 0)
+        {
+            let message = "`pose` needs a loopback address and a fixed port: who reaches it says where the drone is";
+            return refuse(pose.span(), message);
+        }
+        Ok(Some(ControllerConfig {
+            permission: self.permission(receiver)?,
+            pose: raw.pose.as_ref().map(|it| *it.get_ref()),
+            port: address,
+            stage,
+            receiver: match receiver.get_ref() {
+                ReceiverName::Sole => Receiver::Sole,
+                ReceiverName::Override => Receiver::Override,
+            },
+        }))
+    }
+
+    /// The grant that the stage needs, if it needs one. In the stage `bench` a grant is looked at if there is one.
+    fn permission(&self, receiver: &Located<ReceiverName>) -> Result<Option<Permission>, BadInput> {
+        let raw = &self.0.raw;
+        let stage = match raw.stage.get_ref() {
+            StageName::Sim => return Ok(None),
+            StageName::Bench => GrantedStage::Bench,
+            StageName::Tethered => GrantedStage::Tethered,
+            StageName::Flight => GrantedStage::Flight,
+        };
+        if stage == GrantedStage::Bench {
+            if let Some(path) = &raw.keys.grant {
+                self.grant(path, stage)?;
+            }
+            return Ok(None);
+        }
+        if *receiver.get_ref() == ReceiverName::Sole {
+            let message = format!(
+                "the stage \"{stage}\" needs `receiver = \"override\"`: a pilot who arms and can take over"
+            );
+            return Err(self.0.error(receiver.span(), &message));
+        }
+        let Some(path) = &raw.keys.grant else {
+            let message = format!(
+                "the stage \"{stage}\" needs `keys.grant`, a file that `muster deploy promote` writes"
+            );
+            return Err(self.0.error(raw.stage.span(), &message));
+        };
+        Ok(Some(Permission {
+            grant: self.grant(path, stage)?,
+            stage,
+            kept: kept_check(&self.0.resolve(&raw.journal), *raw.id.get_ref()),
+        }))
+    }
+
+    /// The grant in a file, if it is for this drone and stage.
+    fn grant(&self, path: &Located<PathBuf>, stage: GrantedStage) -> Result<Grant, BadInput> {
+        let grant = Grant::load(&self.0.resolve(path.get_ref()), &self.fleet()?)?;
+        match grant.is_for(NodeId(*self.0.raw.id.get_ref()), stage) {
+            Ok(()) => Ok(grant),
+            Err(refusal) => Err(self.0.error(path.span(), &refusal.to_string())),
+        }
+    }
+}
