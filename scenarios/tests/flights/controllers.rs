@@ -3,7 +3,7 @@
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
 
-use crate::support::{fly, scenario};
+use crate::support::{Sweep, fly, scenario};
 
 const SEEDS: [&str; 3] = ["seed=1", "seed=2", "seed=3"];
 
@@ -38,7 +38,11 @@ fn assert_came_down(report: &Report, what: &str) {
 
 #[test]
 fn half_a_percent_of_bad_bytes_on_every_line_changes_no_flight() {
+    let mut sweep = Sweep::default();
     for seed in 1..=10 {
+        if !sweep.has_next() {
+            continue;
+        }
         let kind = if seed % 2 == 0 {
             "lose-bytes"
         } else {
@@ -77,6 +81,7 @@ fn a_port_that_is_closed_for_a_moment_stops_nobody() {
 
 #[test]
 fn a_drone_behind_a_closed_port_or_with_a_frozen_controller_comes_down_or_is_reported() {
+    let mut sweep = Sweep::default();
     for seed in SEEDS {
         for fault in [
             r#"kind = "close-port""#,
@@ -85,6 +90,9 @@ fn a_drone_behind_a_closed_port_or_with_a_frozen_controller_comes_down_or_is_rep
             r#"kind = "freeze-controller", for_s = 3"#,
             r#"kind = "lose-bytes", share = 1.0"#,
         ] {
+            if !sweep.has_next() {
+                continue;
+            }
             let fault = format!("{{ at_s = 30, drone = 1, {fault} }}");
             assert_came_down(&flown(seed, &fault), &fault);
         }

@@ -17,6 +17,20 @@ pub(crate) fn scenario(name: &str, overrides: &[&str]) -> Scenario {
     load(&shipped(name), &overrides).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
+/// Which flights of a sweep are flown: every third, or all if the variable `MUSTER_SWEEPS` is set, as in `.ci/nightly`.
+#[derive(Default)]
+pub(crate) struct Sweep {
+    flights: usize,
+}
+
+impl Sweep {
+    /// Whether the next flight is flown.
+    pub(crate) fn has_next(&mut self) -> bool {
+        self.flights += 1;
+        self.flights % 3 == 1 || std::env::var_os("MUSTER_SWEEPS").is_some()
+    }
+}
+
 pub(crate) fn fly(scenario: &Scenario, engine: Engine) -> Report {
     run(scenario, engine, None).unwrap().0
 }
