@@ -1,7 +1,5 @@
 //! The command `muster thesis`.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use std::fs;
 use std::path::Path;
 use std::sync::LazyLock;
@@ -86,7 +84,7 @@ fn number_of_runs_is_that_asked_for() {
 #[test]
 fn book_quotes_the_current_output() {
     let printed = printed();
-    let page = include_str!("../docs/src/performance/thesis.md");
+    let page = include_str!("../../docs/src/performance/thesis.md");
     let shown = page.split("```text\n").skip(1).take(2);
     let shown: Vec<_> = shown.map(|it| it.split("```").next().unwrap()).collect();
     assert!(printed.starts_with(shown[0]), "{printed}");

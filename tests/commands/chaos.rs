@@ -1,13 +1,9 @@
 //! The command `muster chaos`.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod support;
-
 use std::fs;
 use std::path::Path;
 
-use support::muster;
+use crate::support::muster;
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/chaos.toml");
 

@@ -1,9 +1,5 @@
 //! `muster fc` as a process, with a controller that answers what Betaflight answered.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod support;
-
 use std::io::{Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::path::Path;
@@ -31,8 +27,8 @@ fn frames(recorded: &str, rows: &str, column: &str) -> Vec<Vec<u8>> {
 
 /// Replies of Betaflight, as recorded.
 fn replies() -> Vec<Vec<u8>> {
-    let replies = include_str!("../actors/msp/tests/data/replies.toml");
-    let golden = include_str!("../actors/msp/tests/data/golden.toml");
+    let replies = include_str!("../../actors/msp/tests/data/replies.toml");
+    let golden = include_str!("../../actors/msp/tests/data/golden.toml");
     let mut all = frames(replies, "reply", "reply");
     all.extend(frames(golden, "frame", "hex"));
     all
@@ -80,7 +76,7 @@ fn recorded() -> String {
 }
 
 fn fc(arguments: &[&str]) -> Output {
-    support::muster(Path::new("."), &[&["fc"], arguments].concat())
+    crate::support::muster(Path::new("."), &[&["fc"], arguments].concat())
 }
 
 /// The exit code and the rows of a command's output.

@@ -1,7 +1,5 @@
 //! The commands `muster sim`, `muster check` and `muster completions`.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 mod checks;
 mod paths;
 

@@ -1,8 +1,6 @@
 //! `muster fc simulate` as a process, over TCP with our codec. `.ci/flight-controller` looks at it over a pseudo-terminal with
 //! an independent client.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};

@@ -1,7 +1,5 @@
 //! Snapshots of the figures that the documents quote.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
 use assert_cmd::Command;
 
 /// Output of `muster sim` without the lines that differ between runs or change with any edit: wall time, trace, and paths.

@@ -1,17 +1,14 @@
 //! The commands `muster campaign` and `muster campaign-merge`.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod support;
+mod several_machines;
 
 use std::collections::BTreeMap;
 use std::fs;
-use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Output, Stdio};
 use std::time::{Duration, Instant};
 
-use support::muster;
+use crate::support::muster;
 
 const SCENARIO: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/thesis-1.toml");
 /// Two values and seven seeds: 14 runs.
@@ -201,8 +198,8 @@ fn folder_of_another_campaign_is_refused_and_not_changed() {
     let home = tempfile::tempdir().unwrap();
     let scenarios = home.path().join("missions");
     fs::create_dir(&scenarios).unwrap();
-    let mission = include_str!("../scenarios/missions/albufera.plan");
-    let scenario = include_str!("../scenarios/thesis-1.toml");
+    let mission = include_str!("../../scenarios/missions/albufera.plan");
+    let scenario = include_str!("../../scenarios/thesis-1.toml");
     let write = |scenario: &str, mission: &str| {
         fs::write(home.path().join("s.toml"), scenario).unwrap();
         fs::write(scenarios.join("albufera.plan"), mission).unwrap();
@@ -431,110 +428,4 @@ fn default_folder_is_not_that_of_another_campaign() {
         assert!(printed.contains(&format!("thesis-1-{folder}runs.csv")));
         assert!(printed.contains("1 were complete before"), "{printed}");
     }
-}
-
-#[test]
-fn campaign_on_hosts_has_the_bytes_of_one_machine_and_outlives_a_host() {
-    let home = tempfile::tempdir().unwrap();
-    let whole = campaign_files(home.path(), "whole", &[]);
-    // A host that is lost in the middle of its first shard, by ssh's exit code.
-    let flaky = home.path().join("flaky");
-    let script = "#!/bin/sh\ncase $1 in env) exit 255;; esac\nexec \"$@\"\n";
-    fs::write(&flaky, script).unwrap();
-    fs::set_permissions(&flaky, fs::Permissions::from_mode(0o755)).unwrap();
-    let host = |run: &str, drone| format!("[[hosts]]\nrun = [\"{run}\"]\ndrones = [{drone}]\n");
-    let hosts = [
-        host("env", 0),
-        host(flaky.to_str().unwrap(), 1),
-        host("env", 2),
-    ];
-    fs::write(home.path().join("hosts.toml"), hosts.concat()).unwrap();
-    let shipped = [
-        &[
-            "campaign",
-            "thesis-1",
-            "--hosts",
-            "hosts.toml",
-            "--out",
-            "spread",
-        ],
-        &CAMPAIGN[..],
-    ];
-    let run = muster(home.path(), &shipped.concat());
-    assert!(run.status.success(), "{}", error_text(&run));
-    assert!(
-        error_text(&run).contains("host 2 is given up"),
-        "{}",
-        error_text(&run)
-    );
-    let one = muster(
-        home.path(),
-        &[&["campaign", "thesis-1", "--out", "one"], &CAMPAIGN[..]].concat(),
-    );
-    assert!(one.status.success(), "{}", error_text(&one));
-    let spread = files(&home.path().join("spread/whole"));
-    assert_same(&spread, &files(&home.path().join("one")));
-    assert_eq!(spread["runs.csv"].len(), whole["runs.csv"].len());
-    // All hosts lost: nothing is complete.
-    fs::write(home.path().join("hosts.toml"), host("false", 0)).unwrap();
-    let shipped = [
-        &[
-            "campaign",
-            "thesis-1",
-            "--hosts",
-            "hosts.toml",
-            "--out",
-            "none",
-        ],
-        &CAMPAIGN[..],
-    ];
-    let run = muster(home.path(), &shipped.concat());
-    assert_eq!(run.status.code(), Some(1));
-    assert!(
-        error_text(&run).contains("no host is left, 4 shards are missing"),
-        "{}",
-        error_text(&run)
-    );
-}
-
-/// A stand-in for Slurm's `sbatch`: it runs each task at once, and the first one twice, as if its node had been lost. Jobs that
-/// depend on others come after them anyway.
-const SBATCH: &str = r#"#!/bin/sh
-cat > job; echo "$@" >> submitted
-case "$*" in
-    *--array=1-*) last=$(echo "$*" | sed 's/.*--array=1-\([0-9]*\).*/\1/'); tasks="1 $(seq 1 "$last")" ;;
-    *) tasks=1 ;;
-esac
-for task in $tasks; do SLURM_ARRAY_TASK_ID=$task sh job > output 2>&1 || exit 1; done
-echo 17
-"#;
-
-#[test]
-fn slurm_script_runs_each_shard_and_joins_them_to_the_bytes_of_the_undivided_campaign() {
-    let dir = tempfile::tempdir().unwrap();
-    let whole = campaign_files(dir.path(), "one", &[]);
-    let out = "it's a folder";
-    let written = campaign(dir.path(), out, &["--slurm", "3"]);
-    assert!(written.status.success(), "{}", error_text(&written));
-    let sbatch = dir.path().join("bin/sbatch");
-    fs::create_dir(sbatch.parent().unwrap()).unwrap();
-    fs::write(&sbatch, SBATCH).unwrap();
-    fs::set_permissions(&sbatch, fs::Permissions::from_mode(0o755)).unwrap();
-    let path = format!("{}:/usr/bin:/bin", sbatch.parent().unwrap().display());
-    let mut submit = std::process::Command::new(dir.path().join(out).join("submit.sh"));
-    let submitted = submit
-        .arg("--partition=drones")
-        .env("PATH", path)
-        .output()
-        .unwrap();
-    assert!(submitted.status.success(), "{}", error_text(&submitted));
-    assert_same(&whole, &files(&dir.path().join(out).join("whole")));
-    let jobs = fs::read_to_string(dir.path().join("submitted")).unwrap();
-    let jobs: Vec<_> = jobs.lines().collect();
-    assert!(jobs[0].contains("--array=1-3 --requeue"), "{jobs:?}");
-    assert!(jobs[1].contains("--dependency=afterok:17"), "{jobs:?}");
-    assert!(
-        jobs.iter().all(|job| job.contains("--partition=drones")),
-        "{jobs:?}"
-    );
 }

@@ -1,0 +1,12 @@
+//! Commands of `muster`, as processes.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+mod campaign;
+mod chaos;
+mod fc;
+mod figures;
+mod sim;
+mod simulated_controller;
+mod support;
+mod thesis;
