@@ -258,7 +258,10 @@ impl Traffic {
         self.others.iter().filter_map(move |(id, (intent, at))| {
             let silent = now.since(*at);
             let space = if silent <= self.config.silent_after() {
-                Some(OccupiedSpace::of(*intent))
+                Some(OccupiedSpace {
+                    may_descend: self.deaf.contains(*id),
+                    ..OccupiedSpace::of(*intent)
+                })
             } else {
                 let is_in_reach = apart_m(intent) <= reach_m * SURELY_HEARD;
                 let intent = self.where_ordered(*at, *intent);
