@@ -35,11 +35,21 @@ fn exposure_is_refused_unless_accepted_or_resolved_by_avoidance() {
     )
     .unwrap();
     assert_eq!(
-        check("[\"descends\", \"killed\"]", true).0,
+        check("[\"apart\", \"descends\", \"killed\"]", true).0,
         Some(0),
-        "drones give way"
+        "drones give way to a late one"
     );
-    let (code, error) = check("[\"descends\"]", true);
+    let (code, error) = check("[\"descends\", \"killed\"]", true);
+    assert_eq!(code, Some(2));
+    contains(
+        &error,
+        &[
+            "a drone that flies alone in its altitude layer",
+            "\"apart\"",
+        ],
+    )
+    .unwrap();
+    let (code, error) = check("[\"apart\", \"descends\"]", true);
     assert_eq!(code, Some(2));
     contains(&error, &["landed by its flight controller", "\"killed\""]).unwrap();
 }

@@ -3,7 +3,7 @@
 use muster_machines::formation::{ClosestApproach, Exposure, FlightPlan, PhaseKind};
 
 use super::file::Source;
-use super::raw::{ProtocolKind, Raw};
+use super::raw::Raw;
 use crate::diagnostic::BadInput;
 use crate::text::{drones, rounded_down};
 
@@ -31,10 +31,8 @@ pub(super) fn check_separation(
     let Some(accepted) = &raw.limits.accept else {
         return Ok(());
     };
-    let they_follow = raw.protocol.kind == ProtocolKind::Follow;
     let is_accepted = |exposure: Exposure| {
-        raw.limits.accepts(exposure)
-            || raw.safety.avoid && exposure.is_resolved_by_right_of_way(they_follow)
+        raw.limits.accepts(exposure) || raw.safety.avoid && exposure.is_resolved_by_right_of_way()
     };
     let found = flight
         .phases()
@@ -50,7 +48,7 @@ pub(super) fn check_separation(
     let Some((kind, exposure, closest)) = found else {
         return Ok(());
     };
-    let avoid = if exposure.is_resolved_by_right_of_way(they_follow) {
+    let avoid = if exposure.is_resolved_by_right_of_way() {
         ", or set `safety.avoid = true`, so that drones give way to each other"
     } else {
         ""

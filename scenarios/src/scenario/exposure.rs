@@ -196,8 +196,6 @@ impl Scenario {
 
     fn describe_total(&self, exposure: Exposure, total: &Total) -> Option<String> {
         let (kind, nearest) = total.nearest?;
-        let is_resolved = self.plan.vehicle.avoid.is_some()
-            && exposure.is_resolved_by_right_of_way(self.plan.follow.is_some());
         let [affected, other] = nearest.drones;
         Some(format!(
             "exposed to `{}` (a drone {}): {} of {} in {}; drone {affected} comes within {} of drone {other} {}{}",
@@ -208,12 +206,21 @@ impl Scenario {
             plural(total.phases, "phase"),
             describe_clearance(&nearest),
             describe_phase(kind),
-            if is_resolved {
-                "; resolved by `safety.avoid`"
-            } else {
-                ""
-            },
+            self.describe_right_of_way(exposure),
         ))
+    }
+
+    /// What the right of way does about an exposure. Drones that follow a master do not give way to one that flies apart.
+    fn describe_right_of_way(&self, exposure: Exposure) -> &'static str {
+        if self.plan.vehicle.avoid.is_none() {
+            ""
+        } else if exposure.is_resolved_by_right_of_way() {
+            "; resolved by `safety.avoid`"
+        } else if exposure == Exposure::Apart && self.plan.follow.is_none() {
+            "; resolved by `safety.avoid` only while the two hear each other"
+        } else {
+            ""
+        }
     }
 
     /// The highest layer or sector of a phase.

@@ -36,15 +36,11 @@ impl Exposure {
         }
     }
 
-    /// Whether the right of way still separates the affected drone from those near it. Drones that follow a master do
-    /// not give way, so they don't give way to one that flies apart.
+    /// Whether the right of way still separates the affected drone from those near it. A drone that flies apart may be
+    /// cut off from those that would give way.
     #[must_use]
-    pub const fn is_resolved_by_right_of_way(self, is_following: bool) -> bool {
-        match self {
-            Self::Late => true,
-            Self::Apart => !is_following,
-            Self::Descends | Self::Killed => false,
-        }
+    pub const fn is_resolved_by_right_of_way(self) -> bool {
+        matches!(self, Self::Late)
     }
 }
 

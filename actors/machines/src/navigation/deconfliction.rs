@@ -5,7 +5,7 @@ use std::time::Duration;
 use super::Transmit;
 use crate::formation::Path;
 use crate::geometry::{Ned, Velocity};
-use crate::identity::NodeId;
+use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
 use crate::traffic::{Config, Intent, Traffic};
 
@@ -155,7 +155,19 @@ impl Deconfliction {
         intent: Option<Intent>,
     ) -> bool {
         let is_changed = self.traffic.update(now, id, intent);
-        let is_blocked = self.announced.is_some_and(|announced| {
+        // A drone that was forgotten blocks the path again even with an unchanged intent.
+        self.is_blocked(now) || is_changed && self.next_retry.is_some()
+    }
+
+    /// Updates which drones may not hear this one; returns whether telemetry is needed to check the own path.
+    pub(super) fn update_deaf(&mut self, now: Timestamp, deaf: NodeSet) -> bool {
+        self.traffic.set_deaf(deaf);
+        self.is_blocked(now)
+    }
+
+    /// Whether the rest of the announced path must give way to another drone.
+    fn is_blocked(&self, now: Timestamp) -> bool {
+        self.announced.is_some_and(|announced| {
             let from = Ned(announced
                 .path
                 .from
@@ -166,9 +178,7 @@ impl Deconfliction {
                 ..announced.path
             };
             !announced.has_priority && self.traffic.must_give_way(now, rest, announced.path)
-        });
-        // A drone that was forgotten blocks the path again even with an unchanged intent.
-        is_blocked || is_changed && self.next_retry.is_some()
+        })
     }
 
     /// Whether no other drone is near a path.

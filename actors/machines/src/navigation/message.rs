@@ -2,7 +2,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Checkpoint, Failure, Goal};
 use crate::geometry::{Ned, Velocity};
-use crate::identity::NodeId;
+use crate::identity::{NodeId, NodeSet};
 use crate::indoor;
 use crate::msp::{FlightCommand, LandingCause, Telemetry};
 use crate::traffic::Intent;
@@ -23,6 +23,8 @@ pub enum Input {
         /// Its intent; `None` if it no longer announces one.
         intent: Option<Intent>,
     },
+    /// From the routing: neighbours that are heard, and that may not hear this drone.
+    Deaf(NodeSet),
     /// From the drone's range sensors and odometry; ignored without a map.
     Indoor(indoor::Input),
     /// From the link after a restart: repeat the command.

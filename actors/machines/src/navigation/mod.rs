@@ -29,7 +29,6 @@ use crate::indoor::Indoor;
 use crate::machine::{Machine, Outbox, Output, Stimulus};
 use crate::msp::{FlightCommand, Setpoint, Telemetry};
 use crate::time::Timestamp;
-use crate::traffic::Intent;
 
 /// Multiple of [`Goal::Track`]'s `hold` after which a tracked place expires.
 const TRACK_EXPIRY_HOLDS: u32 = 2;
@@ -458,10 +457,9 @@ impl Navigation {
         }
     }
 
-    /// Handles the intent of another drone; asks for telemetry if it affects the own path.
-    fn handle_traffic(&mut self, now: Timestamp, sender: NodeId, intent: Option<Intent>) {
-        let deconfliction = self.deconfliction.as_mut();
-        if deconfliction.is_some_and(|it| it.update_traffic(now, sender, intent)) {
+    /// Updates what is known of other drones; asks for telemetry if it affects the own path.
+    fn update_traffic(&mut self, update: impl FnOnce(&mut Deconfliction) -> bool) {
+        if self.deconfliction.as_mut().is_some_and(update) {
             self.command(FlightCommand::Report);
         }
     }
@@ -480,7 +478,10 @@ impl Machine for Navigation {
                 self.command(FlightCommand::Report);
             }
             Input::Telemetry(telemetry) => self.handle_telemetry(now, &telemetry),
-            Input::Traffic { sender, intent } => self.handle_traffic(now, sender, intent),
+            Input::Traffic { sender, intent } => {
+                self.update_traffic(|it| it.update_traffic(now, sender, intent));
+            }
+            Input::Deaf(deaf) => self.update_traffic(|it| it.update_deaf(now, deaf)),
             Input::Indoor(input) => {
                 if let Some(indoor) = &mut self.indoor {
                     indoor.step(now, Stimulus::Input(input), &mut self.outbox);

@@ -123,6 +123,9 @@ impl From<radio::Transmit> for Effect {
 impl From<routing::Transmit> for Effect {
     fn from(transmit: routing::Transmit) -> Self {
         Self::Post(match transmit {
+            routing::Transmit::Deaf(deaf) => {
+                Envelope::Navigation(Box::new(navigation::Input::Deaf(deaf)))
+            }
             routing::Transmit::Send {
                 to,
                 ballot,

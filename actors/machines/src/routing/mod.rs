@@ -147,6 +147,9 @@ pub enum Transmit {
     },
     /// To the protocol.
     Inform(Notice),
+    /// To the navigation: neighbours that are heard, and that may not hear this drone. On each change, and with each own
+    /// periodic frame while there are any.
+    Deaf(NodeSet),
 }
 
 /// What a routing tells its protocol.

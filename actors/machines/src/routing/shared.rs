@@ -9,7 +9,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::{Durable, Event, Notice, Outcome, Transmit};
-use crate::identity::{Ballot, NodeId};
+use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::machine::{Outbox, Output};
 use crate::stall::StallDetector;
@@ -39,6 +39,8 @@ pub(super) struct SharedState {
     master_lands: bool,
     rng: Box<ChaCha8Rng>,
     stall_detector: StallDetector,
+    /// Neighbours that may not hear this drone, as last reported.
+    deaf: NodeSet,
     /// Outcomes of messages in this step.
     outcomes: Vec<(u32, Outcome)>,
     outbox: Outbox<Transmit, Event>,
@@ -57,6 +59,7 @@ impl SharedState {
             master_lands: false,
             rng: Box::new(ChaCha8Rng::seed_from_u64(seed)),
             stall_detector: StallDetector::default(),
+            deaf: NodeSet::new(),
             outcomes: Vec::new(),
             outbox: Outbox::new(),
             sent: 0,
@@ -69,6 +72,7 @@ impl SharedState {
         let is_master = self.is_master();
         self.durable.heartbeats.skip_reserved(is_master);
         self.notify(Notice::Resync);
+        self.inform_of_deaf();
         self.mark_changed();
     }
 
@@ -109,6 +113,22 @@ impl SharedState {
     pub(super) fn notify(&mut self, notice: Notice) {
         if !self.is_relay() {
             self.outbox.transmit(Transmit::Inform(notice));
+        }
+    }
+
+    /// Reports the neighbours that may not hear this drone.
+    pub(super) fn report_deaf(&mut self, deaf: NodeSet) {
+        let is_known = deaf.is_empty() && self.deaf.is_empty();
+        self.deaf = deaf;
+        if !is_known {
+            self.inform_of_deaf();
+        }
+    }
+
+    /// A pure relay has no navigation.
+    fn inform_of_deaf(&mut self) {
+        if !self.is_relay() {
+            self.outbox.transmit(Transmit::Deaf(self.deaf.clone()));
         }
     }
 

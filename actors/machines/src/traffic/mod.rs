@@ -2,7 +2,8 @@
 //!
 //! No drone starts a path that comes too near to an announced one. Two drones that start at the same moment don't know
 //! of each other yet; once they do, one of them stops. Both compute the same right of way: a stationary drone goes
-//! first, then one that flies vertically, then the lower number. A drone blocked by a stationary one flies a detour.
+//! first, then one that flies vertically, then the lower number. Before all goes a drone that may not hear this one,
+//! because it can't give way. A drone blocked by a stationary one flies a detour.
 
 mod intent;
 mod occupied;
@@ -17,7 +18,7 @@ use self::intent::{ROUNDING_M, VERTICAL_M};
 use self::occupied::{OccupiedSpace, Precedence};
 use crate::formation::{Path, Separation};
 use crate::geometry::Ned;
-use crate::identity::NodeId;
+use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
 pub use crate::wire::Intent;
 
@@ -95,6 +96,8 @@ pub(crate) struct Traffic {
     /// Since when it flies in lockstep with the others; `None` if it does not.
     in_lockstep_since: Option<Timestamp>,
     others: BTreeMap<NodeId, (Intent, Timestamp)>,
+    /// Drones that are heard, and that may not hear this one.
+    deaf: NodeSet,
 }
 
 impl Traffic {
@@ -104,7 +107,13 @@ impl Traffic {
             config,
             in_lockstep_since: None,
             others: BTreeMap::new(),
+            deaf: NodeSet::new(),
         }
+    }
+
+    /// Sets which drones may not hear this one.
+    pub(crate) fn set_deaf(&mut self, deaf: NodeSet) {
+        self.deaf = deaf;
     }
 
     /// Sets whether the drone flies in lockstep with the others from now on.
@@ -135,7 +144,14 @@ impl Traffic {
     pub(crate) fn must_give_way(&self, now: Timestamp, remaining: Path, whole: Path) -> bool {
         let own = (Precedence::of(whole), self.own);
         let mut blocking = self.blocking(now, remaining, whole);
-        blocking.any(|(id, other)| (other.precedence, id) < own)
+        blocking.any(|(id, other)| !self.may_hear(now, id) || (other.precedence, id) < own)
+    }
+
+    /// Whether another drone may hear this one: it is heard itself, and is not known to be deaf.
+    fn may_hear(&self, now: Timestamp, id: NodeId) -> bool {
+        let heard_at = self.others.get(&id).map(|(_, at)| *at);
+        heard_at.is_some_and(|at| now.since(at) <= self.config.silent_after())
+            && !self.deaf.contains(id)
     }
 
     /// A place beside a landing column, at the same altitude, if the path to it and the column below it are clear.
@@ -242,7 +258,10 @@ impl Traffic {
         self.others.iter().filter_map(move |(id, (intent, at))| {
             let silent = now.since(*at);
             let space = if silent <= self.config.silent_after() {
-                Some(OccupiedSpace::of(*intent))
+                Some(OccupiedSpace {
+                    may_descend: self.deaf.contains(*id),
+                    ..OccupiedSpace::of(*intent)
+                })
             } else {
                 let is_in_reach = apart_m(intent) <= reach_m * SURELY_HEARD;
                 let intent = self.where_ordered(*at, *intent);

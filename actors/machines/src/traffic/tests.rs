@@ -120,6 +120,36 @@ fn one_of_two_drones_that_start_at_once_gives_way() {
 }
 
 #[test]
+fn all_give_way_to_a_drone_that_may_not_hear_them() {
+    let own = path(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
+    let crosses = path(at(50.0, -50.0, 12.0), at(50.0, 50.0, 12.0));
+    let mut known = traffic(&[(9, crosses)]);
+    assert!(!known.must_give_way(seconds(0.1), own, own));
+    known.set_deaf(NodeId(9).into());
+    assert!(known.must_give_way(seconds(0.1), own, own));
+    known.set_deaf(NodeSet::new());
+    assert!(!known.must_give_way(seconds(3.0), own, own));
+    assert!(known.must_give_way(seconds(3.1), own, own), "it is silent");
+    // 100 m take 5 s.
+    assert!(
+        !known.must_give_way(seconds(10.1), own, own),
+        "it has arrived"
+    );
+}
+
+#[test]
+fn space_below_a_drone_that_may_not_hear_this_one_is_blocked() {
+    let hovers = at(60.0, 0.0, 30.0);
+    let below = path(at(0.0, 0.0, 12.0), at(60.0, 0.0, 12.0));
+    let above = path(at(0.0, 0.0, 40.0), at(60.0, 0.0, 40.0));
+    let mut known = traffic(&[(9, path(hovers, hovers))]);
+    assert!(known.is_clear(seconds(0.1), below));
+    known.set_deaf(NodeId(9).into());
+    assert!(!known.is_clear(seconds(0.1), below));
+    assert!(known.is_clear(seconds(0.1), above));
+}
+
+#[test]
 fn detour_around_a_stationary_drone_is_clear() {
     let (below, above) = (at(0.0, 0.0, 12.0), at(0.0, 0.0, 24.0));
     let amid = at(0.0, 0.0, 18.0);

@@ -5,7 +5,7 @@ use crate::formation::Separation;
 use crate::navigation::deconfliction::{
     DETOUR_AFTER, LANDING_WAIT_MAX, PROGRESS_INTERVAL, RETRY_INTERVAL,
 };
-use crate::traffic;
+use crate::traffic::{self, Intent};
 
 /// Drone 4, with deconfliction.
 fn avoiding() -> Navigation {
@@ -120,12 +120,16 @@ fn detour_around_a_stationary_drone_starts_after_a_while() {
 fn drone_on_a_leg_stops_for_right_of_way() {
     let to = Ned::new(100.0, 0.0, -25.0);
     let across = [Ned::new(50.0, -50.0, -25.0), Ned::new(50.0, 50.0, -25.0)];
-    for (id, stops) in [(3, true), (5, false)] {
+    for (id, is_deaf, stops) in [(3, false, true), (5, false, false), (5, true, true)] {
         let mut navigation = avoiding();
         let start = Ned::new(0.0, 0.0, -25.0);
         handle(&mut navigation, Input::Goal(fly_to(to)));
         handle(&mut navigation, at_rest_at(start));
-        let requested = traffic(&mut navigation, id, across[0], across[1]);
+        let mut requested = traffic(&mut navigation, id, across[0], across[1]);
+        if is_deaf {
+            assert_eq!(requested, []);
+            requested = handle(&mut navigation, Input::Deaf(NodeId(id).into()));
+        }
         assert_eq!(requested == [REPORT], stops);
         let stop = Ned::new(2.0, 0.0, -25.0);
         let on_its_way = Telemetry {

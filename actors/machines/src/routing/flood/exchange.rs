@@ -105,6 +105,9 @@ impl FloodPolicy {
         let time_to_live = self.config.time_to_live;
         self.heard_at
             .retain(|_, heard_at| now.since(*heard_at) <= time_to_live);
+        let heard: NodeSet = self.heard_at.keys().copied().collect();
+        self.deaf = self.deaf.intersection(&heard);
+        shared.report_deaf(self.deaf.clone());
         // The master is no member, but its landing must become known. Drones that hear it themselves may be landing,
         // too.
         let landing_master = shared.master().filter(|_| shared.master_lands());
@@ -136,7 +139,7 @@ impl FloodPolicy {
                 parent: self.durable.routes.parent,
                 heartbeat: shared.durable.heartbeats.master,
                 sequence: shared.durable.epoch.sequence(),
-                hears: self.heard_at.keys().copied().collect(),
+                hears: heard,
                 members,
                 order,
             }),

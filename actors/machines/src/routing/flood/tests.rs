@@ -47,6 +47,7 @@ fn at(seconds: f64) -> Timestamp {
 struct Outputs {
     sent: Vec<Packet>,
     notices: Vec<Notice>,
+    deaf: Option<NodeSet>,
     events: Vec<Event>,
 }
 
@@ -54,6 +55,7 @@ fn stimulate(routing: &mut FloodRouting, now: Timestamp, stimulus: Stimulus<Inpu
     let mut outputs = Outputs {
         sent: Vec::new(),
         notices: Vec::new(),
+        deaf: None,
         events: Vec::new(),
     };
     step(routing, now, stimulus, |emitted| match emitted {
@@ -61,6 +63,7 @@ fn stimulate(routing: &mut FloodRouting, now: Timestamp, stimulus: Stimulus<Inpu
             outputs.sent.push(wire::decode_packet(&payload).unwrap());
         }
         Emitted::Transmit(Transmit::Inform(notice)) => outputs.notices.push(notice),
+        Emitted::Transmit(Transmit::Deaf(deaf)) => outputs.deaf = Some(deaf),
         Emitted::Event(event) => outputs.events.push(event),
     });
     outputs
@@ -102,12 +105,14 @@ fn wait(routing: &mut FloodRouting, until: Timestamp) -> Outputs {
     let mut all = Outputs {
         sent: Vec::new(),
         notices: Vec::new(),
+        deaf: None,
         events: Vec::new(),
     };
     while let Some(due) = routing.policy.next_send.filter(|due| *due <= until) {
         let outputs = stimulate(routing, due, Stimulus::Timeout);
         all.sent.extend(outputs.sent);
         all.notices.extend(outputs.notices);
+        all.deaf = outputs.deaf.or(all.deaf);
         all.events.extend(outputs.events);
     }
     all
@@ -126,6 +131,34 @@ fn in_hop_update() -> (FloodRouting, Timestamp) {
     let ended = wait(&mut drone, at(8.0));
     assert!(ended.notices.contains(&Notice::HopUpdateStarted));
     (drone, at(8.0))
+}
+
+#[test]
+fn neighbour_that_omits_this_drone_is_reported_as_deaf_until_it_hears_it() {
+    let mut drone = routing(1);
+    let deaf = Packet::Flood(Flood {
+        hears: NodeSet::from(NodeId(0)),
+        ..flood(1, 0)
+    });
+    assert_eq!(
+        receive(&mut drone, at(0.0), 0, &Packet::Flood(flood(1, 0))).deaf,
+        None
+    );
+    assert_eq!(
+        receive(&mut drone, at(0.1), 2, &deaf).deaf,
+        Some(NodeId(2).into())
+    );
+    assert_eq!(
+        wait(&mut drone, at(1.0)).deaf,
+        Some(NodeId(2).into()),
+        "repeated"
+    );
+    let hears = Packet::Flood(flood(2, 0));
+    assert_eq!(
+        receive(&mut drone, at(1.0), 2, &hears).deaf,
+        Some(NodeSet::new())
+    );
+    assert_eq!(wait(&mut drone, at(2.0)).deaf, None);
 }
 
 #[test]

@@ -266,6 +266,11 @@ impl Link {
         self.omitted_since.is_some()
     }
 
+    /// Whether it may not hear this drone: it has not shown that it does, or reports that it no longer does.
+    pub(super) const fn may_be_deaf(&self) -> bool {
+        !self.symmetric || self.omits_this_drone()
+    }
+
     /// Whether it reports that it no longer hears this drone.
     pub(super) const fn lost_this_drone(&self) -> bool {
         self.symmetric && self.omits_this_drone()

@@ -50,6 +50,8 @@ pub(super) struct ReceivedReport {
     pub(super) has_progressed: bool,
     /// The sender's route or link changed.
     pub(super) route_changed: bool,
+    /// It has changed whether the sender may not hear this drone.
+    pub(super) hearing_changed: bool,
     /// The sender was unknown.
     pub(super) is_new: bool,
 }
@@ -106,6 +108,7 @@ impl LinkTable {
             route_changed: link_change.is_reachable_again
                 || link_change.symmetry
                 || link_change.cost,
+            hearing_changed: false,
             is_new: false,
         })
     }
@@ -123,11 +126,12 @@ impl LinkTable {
             Err(at) => return Some(self.insert_new(at, sender, frame, body, now)),
         };
         let missed = link.missed_before(frame.header.number, frame.unicasts)?;
-        let was_child = link.is_child_of(self.own);
+        let (was_child, was_deaf) = (link.is_child_of(self.own), link.may_be_deaf());
         let change = link.update_report(frame, self.own, sender, self.drones);
         link.body = body;
         let is_child = link.is_child_of(self.own);
         let link_change = link.record_reception(now, missed, self.leaf_period);
+        let hearing_changed = link.may_be_deaf() != was_deaf;
         if was_child != is_child || is_child && (change.any || link_change.is_reachable_again) {
             self.subtree.take();
         }
@@ -137,6 +141,7 @@ impl LinkTable {
                 || link_change.is_reachable_again
                 || link_change.symmetry
                 || link_change.cost,
+            hearing_changed,
             is_new: false,
         })
     }
@@ -157,10 +162,12 @@ impl LinkTable {
         if link.is_child_of(self.own) {
             self.subtree.take();
         }
+        let hearing_changed = link.may_be_deaf();
         self.links.insert(at, sender.id, link);
         ReceivedReport {
             has_progressed: true,
             route_changed: true,
+            hearing_changed,
             is_new: true,
         }
     }
@@ -381,6 +388,12 @@ impl LinkTable {
         let known_for = link.heard_at.since(link.known_since);
         let lost = self.leaf_period * link.quality.lost_heartbeats.into();
         silent_for <= lost.min(known_for.max(stale)).max(time_to_live / 2)
+    }
+
+    /// The neighbours that may not hear this drone.
+    pub(super) fn deaf(&self) -> NodeSet {
+        let deaf = self.iter().filter(|link| link.may_be_deaf());
+        deaf.map(|link| link.id).collect()
     }
 
     /// Forces the next frame of each neighbour to be decoded.

@@ -61,6 +61,8 @@ struct Node {
     numbers: BTreeMap<u32, u32>,
     sent: Vec<Tree>,
     notices: Vec<Notice>,
+    /// The last report of neighbours that may not hear this drone.
+    deaf: Option<NodeSet>,
 }
 
 impl Node {
@@ -72,12 +74,13 @@ impl Node {
             numbers: BTreeMap::new(),
             sent: Vec::new(),
             notices: Vec::new(),
+            deaf: None,
         }
     }
 
     /// The frames sent in response to `stimulus`.
     fn stimulate(&mut self, stimulus: Stimulus<Input>) -> Vec<Tree> {
-        let (sent, notices) = (&mut self.sent, &mut self.notices);
+        let (sent, notices, deaf) = (&mut self.sent, &mut self.notices, &mut self.deaf);
         self.deadline = step(
             &mut self.routing,
             self.now,
@@ -91,6 +94,7 @@ impl Node {
                     sent.push(packet);
                 }
                 Emitted::Transmit(Transmit::Inform(notice)) => notices.push(notice),
+                Emitted::Transmit(Transmit::Deaf(ids)) => *deaf = Some(ids),
                 Emitted::Event(_) => {}
             },
         );
@@ -226,4 +230,26 @@ fn frames_of_unknown_nodes_are_ignored() {
     assert_eq!(node.routing.policy.occupancy(), (0, 5));
     node.receive(4, child_heartbeat(4, 1, 1));
     assert_eq!(node.routing.policy.occupancy(), (1, 5));
+}
+
+#[test]
+fn neighbour_that_omits_this_drone_is_reported_as_deaf_until_it_hears_it() {
+    let mut master = Node::new(0);
+    master.input(Input::Lead(MASTER));
+    let hears = child_heartbeat(1, 0, 1);
+    let omits = Tree {
+        parent: None,
+        hears: Some(ids([2])),
+        ..hears.clone()
+    };
+    for (report, at_once, repeated) in [
+        (&hears, None, None),
+        (&omits, Some(ids([1])), Some(ids([1]))),
+        (&hears, Some(ids([])), None),
+    ] {
+        master.receive(1, report.clone());
+        assert_eq!(master.deaf.take(), at_once);
+        master.next_heartbeat();
+        assert_eq!(master.deaf.take(), repeated, "with the heartbeat");
+    }
 }

@@ -228,6 +228,9 @@ impl Topology {
             // The heartbeat shows the neighbour that it is heard.
             self.heartbeat_timer.schedule_for_new_neighbour(shared, now);
         }
+        if received.hearing_changed {
+            shared.report_deaf(self.links.deaf());
+        }
         if link.report.master_lands {
             shared.record_master_landing(sequence);
         }
@@ -265,12 +268,13 @@ impl Topology {
         self.update_route(shared, now);
     }
 
-    /// Removes neighbours whose link has timed out.
+    /// Removes neighbours whose link has timed out, and reports those that may not hear this drone.
     pub(super) fn remove_silent_neighbours(&mut self, shared: &mut SharedState, now: Timestamp) {
         let time_to_live = self.config.link_time_to_live;
         if self.links.forget_silent(now, time_to_live) {
             self.update_route(shared, now);
         }
+        shared.report_deaf(self.links.deaf());
     }
 
     /// Schedules the next heartbeat after one was sent.

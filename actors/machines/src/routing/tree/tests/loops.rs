@@ -176,7 +176,7 @@ impl Swarm {
                 ..
             }) => sent.push((to, ballot, Bytes::from(payload))),
             Emitted::Event(Event::Checkpoint(it)) => *checkpoint = Some(*it),
-            Emitted::Transmit(Transmit::Inform(_)) | Emitted::Event(_) => {}
+            Emitted::Transmit(Transmit::Inform(_) | Transmit::Deaf(_)) | Emitted::Event(_) => {}
         });
         for (to, ballot, payload) in sent {
             let header = wire::decode_tree(&payload).unwrap().header;
