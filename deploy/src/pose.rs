@@ -9,6 +9,7 @@ use muster_controller::{PoseErrors, PoseSensor};
 use muster_daemon::pose::Message;
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
+use muster_port::raise_priority;
 
 /// A sensor, and who is told.
 #[derive(Debug, Clone, Copy)]
@@ -36,6 +37,8 @@ impl PoseSource {
         let mut sensor = PoseSensor::new(self.errors, self.seed, Timestamp::ZERO);
         let thread = thread::Builder::new().name("pose-sensor".to_owned());
         thread.spawn(move || {
+            // A pose that is sent late is older than it says.
+            let _ = raise_priority();
             while let Some(position) = position() {
                 let now = Timestamp::ZERO + started.elapsed();
                 sensor.measure(now, position);

@@ -6,11 +6,9 @@ use std::sync::{Mutex, Weak};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use muster_controller::{InLoop, MOTORS_BYTES};
+use muster_controller::{InLoop, MOTORS_BYTES, Truth};
 use muster_machines::time::Timestamp;
 use muster_port::raise_priority;
-
-use crate::controller::lock;
 
 /// Where the firmware takes the aircraft's state, and where it sends its motors'.
 const STATE: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 9003);
@@ -25,21 +23,29 @@ pub(super) fn open() -> io::Result<UdpSocket> {
     Ok(socket)
 }
 
-/// Moves an aircraft until it is dropped.
-pub(super) fn run(aircraft: &Weak<Mutex<InLoop>>, started: Instant, socket: &UdpSocket) {
+/// Moves an aircraft, and shows the truth about it, until `shown` is dropped. `started`: its time zero.
+pub(super) fn run(
+    mut aircraft: InLoop,
+    shown: &Weak<Mutex<Truth>>,
+    started: Instant,
+    socket: &UdpSocket,
+) {
     // Without it a busy machine looks like a lost sensor.
     let _ = raise_priority();
     let mut packet = [0; MOTORS_BYTES + 1];
     let mut due = Instant::now();
-    while let Some(aircraft) = aircraft.upgrade() {
+    while let Some(shown) = shown.upgrade() {
         let now = Timestamp::ZERO + started.elapsed();
-        let mut aircraft = lock(&aircraft);
         while let Ok(length) = socket.recv(&mut packet) {
             aircraft.receive(now, &packet[..length]);
         }
         // A state that the firmware misses is followed by the next.
         drop(socket.send_to(&aircraft.transmit(now), STATE));
-        drop(aircraft);
+        // A thread that looks has a lower priority and may be kept waiting while it holds the lock.
+        if let Ok(mut shown) = shown.try_lock() {
+            *shown = aircraft.aircraft(now);
+        }
+        drop(shown);
         due = (due + STEP).max(Instant::now());
         thread::sleep(due.saturating_duration_since(Instant::now()));
     }

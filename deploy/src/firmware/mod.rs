@@ -50,8 +50,8 @@ pub struct Setup {
 /// A firmware that runs, and its aircraft. Both end with it.
 #[derive(Debug)]
 pub struct Firmware {
-    aircraft: Arc<Mutex<InLoop>>,
-    started: Instant,
+    /// The truth about the aircraft a moment ago.
+    truth: Arc<Mutex<Truth>>,
     network: Arc<Network>,
     process: Child,
     is_over: Arc<AtomicBool>,
@@ -93,34 +93,29 @@ impl Firmware {
 
     fn fly(setup: Setup, folder: TempDir, process: Child, network: Network) -> io::Result<Self> {
         let started = Instant::now();
-        let aircraft = InLoop::new(setup.config, setup.seed, Timestamp::ZERO);
+        let mut aircraft = InLoop::new(setup.config, setup.seed, Timestamp::ZERO);
         let firmware = Self {
-            aircraft: Arc::new(Mutex::new(aircraft)),
-            started,
+            truth: Arc::new(Mutex::new(aircraft.aircraft(Timestamp::ZERO))),
             network: Arc::new(network),
             process,
             is_over: Arc::new(AtomicBool::new(false)),
             _folder: folder,
         };
         let socket = firmware.network.inside(body::open)?;
-        let aircraft = Arc::downgrade(&firmware.aircraft);
+        let shown = Arc::downgrade(&firmware.truth);
         let thread = thread::Builder::new().name("aircraft".to_owned());
-        thread.spawn(move || body::run(&aircraft, started, &socket))?;
+        thread.spawn(move || body::run(aircraft, &shown, started, &socket))?;
         if let Some(source) = setup.pose {
-            let aircraft = Arc::downgrade(&firmware.aircraft);
-            source.start(move || {
-                let now = Timestamp::ZERO + started.elapsed();
-                Some(lock(&*aircraft.upgrade()?).aircraft(now).position)
-            })?;
+            let truth = Arc::downgrade(&firmware.truth);
+            source.start(move || Some(lock(&*truth.upgrade()?).position))?;
         }
         Ok(firmware)
     }
 
-    /// The truth about its aircraft now.
+    /// The truth about its aircraft, some milliseconds old.
     #[must_use]
     pub fn truth(&self) -> Truth {
-        let now = Timestamp::ZERO + self.started.elapsed();
-        lock(&self.aircraft).aircraft(now)
+        *lock(&self.truth)
     }
 
     /// Carries bytes between the firmware and who connects to `listener`, one connection after the other, until it is
@@ -174,8 +169,9 @@ fn carry(network: &Network, companion: &TcpStream) -> io::Result<()> {
 
 /// Starts the program in a network of its own, and waits until it listens.
 fn launch(program: &Path, folder: &Path) -> io::Result<(Child, Network)> {
-    let mut process = Command::new("unshare")
-        .args(["--net", "sh", "-c"])
+    // It doesn't outlive this process.
+    let mut process = Command::new("setpriv")
+        .args(["--pdeathsig", "KILL", "unshare", "--net", "sh", "-c"])
         // On time, if the system grants it: a stalled control loop tips the aircraft over.
         .arg(
             "ip link set lo up && { chrt --rr 10 true && exec chrt --rr 10 \"$0\" 127.0.0.1; exec \"$0\" 127.0.0.1; }",
