@@ -48,7 +48,7 @@ use muster_machines::time::Timestamp;
 use muster_machines::{msp, routing, wire};
 
 pub use self::controllers::LOOK_EVERY;
-pub(crate) use self::controllers::PortFigures;
+pub(crate) use self::controllers::{Controllers, PortFigures, PortState};
 use self::event::Event;
 pub use self::faulty::FaultyController;
 pub(crate) use self::injection::{Injection, Phase};
