@@ -9,7 +9,7 @@ use muster_scenarios::tuning::tune;
 
 use crate::support::scenario;
 
-const SEEDS: u64 = 4;
+const SEEDS: u64 = 2;
 /// Height of the hover, and the square's side, in metres.
 const HOVER_M: f64 = 2.0;
 /// As above.
@@ -96,9 +96,7 @@ fn means(aircraft: &[&str]) -> [[f64; 4]; 2] {
 fn tuned_gains_fly_other_aircraft_at_least_as_well() {
     for aircraft in [
         &["aircraft.payload_kg=0.1"][..],
-        &["aircraft.payload_kg=0.25"],
         &["aircraft.battery_wear=0.5"],
-        &["aircraft.payload_kg=0.1", "aircraft.battery_wear=0.3"],
     ] {
         let [default, tuned] = means(aircraft);
         println!("{aircraft:?}: hover RMS level, vertical; square RMS, overshoot, in m");
