@@ -20,7 +20,7 @@ use crate::command::terminal;
   muster fc tune betaflight-hover
   muster fc tune flight-controllers --set aircraft.payload_kg=0.4")]
 pub(super) struct Arguments {
-    /// A scenario file, or the name of a shipped scenario, with `vehicle.kind` = \"msp\".
+    /// A scenario file, or the name of a shipped scenario, with `vehicle.kind` = "msp".
     #[arg(value_name = "SCENARIO")]
     scenario: PathBuf,
     #[command(flatten)]
