@@ -11,6 +11,7 @@ pub mod report;
 pub mod scenario;
 mod segments;
 pub mod thesis;
+pub mod tuning;
 pub mod twin;
 mod world;
 

@@ -35,6 +35,7 @@ use muster_runtime::identity::KeysError;
 use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
 use muster_scenarios::report::{Report, WriteError};
+use muster_scenarios::tuning::TuneError;
 
 /// Simulate and operate swarms of drones.
 ///
@@ -120,6 +121,8 @@ enum Failure {
     Drone(OperatorError),
     #[error(transparent)]
     Controller(#[from] fc::ControllerError),
+    #[error("the hover test gives no gains")]
+    Tune(#[from] TuneError),
     #[error("can't write {}", path.display())]
     Create {
         path: PathBuf,

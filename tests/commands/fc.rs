@@ -135,6 +135,40 @@ fn watch_prints_a_line_a_second() {
 }
 
 #[test]
+fn tune_prints_a_table_that_a_scenario_takes() {
+    let run = fc(&["tune", "betaflight-hover"]);
+    let printed = String::from_utf8(run.stdout).unwrap();
+    assert_eq!(run.status.code(), Some(0), "{printed}");
+    assert!(printed.contains("# attitude lag 0.1"), "{printed}");
+    let printed: toml::Table = toml::from_str(&printed).unwrap();
+    let gains = printed["vehicle"]["gains"].as_table().unwrap();
+    assert_eq!(gains.len(), 9);
+    let hover = gains["hover_throttle"].as_float().unwrap();
+    assert!((hover - 0.3).abs() < 0.03, "{hover}");
+    let sets: Vec<String> = gains
+        .iter()
+        .map(|(name, value)| format!("vehicle.gains.{name}={value}"))
+        .collect();
+    let mut arguments = vec!["sim", "betaflight-hover", "--json", "--out"];
+    let out = tempfile::tempdir().unwrap();
+    let folder = out.path().join("run");
+    arguments.push(folder.to_str().unwrap());
+    for set in &sets {
+        arguments.extend(["--set", set]);
+    }
+    let flown = support::muster(Path::new("."), &arguments);
+    assert_eq!(flown.status.code(), Some(0));
+}
+
+#[test]
+fn tune_refuses_a_scenario_without_flight_controllers() {
+    let run = fc(&["tune", "thesis-2"]);
+    let error = String::from_utf8(run.stderr).unwrap();
+    assert_eq!(run.status.code(), Some(2), "{error}");
+    assert!(error.contains("has no flight controllers"), "{error}");
+}
+
+#[test]
 fn a_name_that_is_no_device_is_refused_with_examples() {
     let run = fc(&["probe", "ttyACM0"]);
     let error = String::from_utf8(run.stderr).unwrap();

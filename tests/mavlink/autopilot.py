@@ -131,6 +131,8 @@ class Autopilot(threading.Thread):
             to.extended_sys_state_send(mav.MAV_VTOL_STATE_UNDEFINED, self.landed)
         elif number == mav.MAVLINK_MSG_ID_SYS_STATUS:
             to.sys_status_send(0, 0, 0, 0, 16000, -1, 90, 0, 0, 0, 0, 0, 0)
+        elif number == mav.MAVLINK_MSG_ID_SIM_STATE:
+            to.sim_state_send(1, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0)
         elif number == mav.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
             latitude, longitude, altitude_m = self.origin
             to.gps_global_origin_send(round(latitude * 1e7), round(longitude * 1e7), round(altitude_m * 1e3))

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use mavlink::dialects::common::{
     COMMAND_ACK_DATA, COMMAND_LONG_DATA, EXTENDED_SYS_STATE_DATA, GPS_GLOBAL_ORIGIN_DATA,
     HEARTBEAT_DATA, LOCAL_POSITION_NED_DATA, MavAutopilot, MavCmd, MavLandedState, MavMessage,
-    MavModeFlag, MavResult, MavState, MavType, SYS_STATUS_DATA,
+    MavModeFlag, MavResult, MavState, MavType, SIM_STATE_DATA, SYS_STATUS_DATA,
 };
 use mavlink::{MavHeader, MavlinkReader, MavlinkVersion, MessageData, write_v2_msg};
 use muster_machines::geodetic::{Geodetic, latitude_longitude_altitude};
@@ -37,6 +37,8 @@ pub(super) struct State {
     pub(super) targets: Vec<(Ned, f64)>,
     /// While true it neither sends nor hears.
     pub(super) is_silent: bool,
+    /// While true it does not say that it is a simulation.
+    pub(super) is_real: bool,
     mode: u32,
     origin: [f64; 3],
     target: Option<Ned>,
@@ -65,6 +67,7 @@ impl Autopilot {
             commands: Vec::new(),
             targets: Vec::new(),
             is_silent: false,
+            is_real: false,
             mode: 0,
             origin: latitude_longitude_altitude(home, place),
             target: None,
@@ -248,6 +251,7 @@ impl State {
                 due.push(*id);
             }
         }
+        due.retain(|id| !self.is_real || *id != SIM_STATE_DATA::ID);
         due.into_iter().map(|id| self.message(id)).collect()
     }
 
@@ -278,6 +282,7 @@ impl State {
                 battery_remaining: 90,
                 ..Default::default()
             }),
+            SIM_STATE_DATA::ID => MavMessage::SIM_STATE(SIM_STATE_DATA::default()),
             GPS_GLOBAL_ORIGIN_DATA::ID => MavMessage::GPS_GLOBAL_ORIGIN(GPS_GLOBAL_ORIGIN_DATA {
                 latitude: (latitude * 1e7).round() as i32,
                 longitude: (longitude * 1e7).round() as i32,

@@ -130,6 +130,23 @@ fn silent_autopilot_counts_as_landing_and_the_others_finish() {
 }
 
 #[test]
+fn autopilot_that_does_not_say_that_it_is_a_simulation_gets_no_command() {
+    let (fleet, autopilot, _) = piloted();
+    autopilot.state().is_real = true;
+    let mut drones = fleet.fly();
+    drones[PILOTED as usize].wait_for("it is refused", |line| {
+        let message = line["message"].as_str().unwrap_or_default();
+        message.contains("does not say that it is a simulation")
+    });
+    wait_until("the others fly", || {
+        fleet.status(1)["vehicle"]["altitude_m"].as_f64() > Some(1.0)
+    });
+    let told = autopilot.state();
+    assert_eq!(told.commands, []);
+    assert!(!told.is_armed);
+}
+
+#[test]
 fn in_the_stage_bench_an_autopilot_is_asked_for_telemetry_and_gets_no_command() {
     let (fleet, autopilot, _) = piloted();
     replace(&fleet.file(PILOTED), "stage = \"sim\"", "stage = \"bench\"");

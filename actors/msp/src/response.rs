@@ -21,4 +21,12 @@ impl StickResponse {
         srate: 67,
         angle_limit_deg: 60,
     };
+
+    /// The tilt that a stick's deflection asks for in the mode ANGLE, in radians. `deflection`: -1 to 1.
+    #[must_use]
+    pub fn tilt_rad(&self, deflection: f64) -> f64 {
+        let (centre, max) = (f64::from(self.rc_rate), f64::from(self.srate));
+        let rate = deflection * (centre + (max - centre) * deflection.abs());
+        f64::from(self.angle_limit_deg).to_radians() * rate / max
+    }
 }

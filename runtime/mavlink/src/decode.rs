@@ -41,6 +41,8 @@ pub(crate) fn message(message: &MavMessage) -> Message {
             (Geodetic::new(latitude / 1e7, longitude / 1e7, altitude_m).ok()).map(Told::Origin)
         }
         MavMessage::LOCAL_POSITION_NED(it) => place([it.x, it.y, it.z], [it.vx, it.vy, it.vz]),
+        // ArduPilot sends it only where sensors and motors are simulated (`AP_SIM_ENABLED`).
+        MavMessage::SIM_STATE(_) => Some(Told::Simulated),
         // −1: unknown.
         MavMessage::SYS_STATUS(status) if status.battery_remaining == -1 => return Message::Other,
         MavMessage::BATTERY_STATUS(status) if status.battery_remaining == -1 || status.id != 0 => {

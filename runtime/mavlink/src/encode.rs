@@ -4,7 +4,8 @@ use mavlink::MavHeader;
 use mavlink::dialects::common::{
     COMMAND_LONG_DATA, EXTENDED_SYS_STATE_DATA, GPS_GLOBAL_ORIGIN_DATA, HEARTBEAT_DATA,
     LOCAL_POSITION_NED_DATA, MavAutopilot, MavCmd, MavFrame, MavMessage, MavModeFlag, MavState,
-    MavType, PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA, SYS_STATUS_DATA,
+    MavType, PositionTargetTypemask, SET_POSITION_TARGET_LOCAL_NED_DATA, SIM_STATE_DATA,
+    SYS_STATUS_DATA,
 };
 use mavlink::{MessageData, write_v2_msg};
 use muster_machines::geometry::{Ned, Velocity};
@@ -21,11 +22,12 @@ const COMPONENT: u8 = 191;
 pub(crate) const AUTOPILOT: u8 = 1;
 
 /// Messages that an autopilot is asked for, and the times between two, in milliseconds.
-const ASKED: [(u32, u16); 4] = [
+const ASKED: [(u32, u16); 5] = [
     (LOCAL_POSITION_NED_DATA::ID, 100),
     (EXTENDED_SYS_STATE_DATA::ID, 200),
     (SYS_STATUS_DATA::ID, 1_000),
     (GPS_GLOBAL_ORIGIN_DATA::ID, 1_000),
+    (SIM_STATE_DATA::ID, 1_000),
 ];
 
 /// The datagrams of an order to the autopilot of a system. `sequence` counts datagrams.
@@ -188,6 +190,9 @@ mod tests {
         let mut sequence = 254;
         let datagrams = datagrams(Order::Tell, 1, &mut sequence);
         let numbers: Vec<_> = datagrams.iter().map(|it| (it[0], it[4])).collect();
-        assert_eq!(numbers, [(0xFD, 254), (0xFD, 255), (0xFD, 0), (0xFD, 1)]);
+        assert_eq!(
+            numbers,
+            [(0xFD, 254), (0xFD, 255), (0xFD, 0), (0xFD, 1), (0xFD, 2)]
+        );
     }
 }

@@ -9,7 +9,7 @@ use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Barrier, Holds};
 use muster_machines::motion::Landing;
-use muster_machines::msp::controller::Receiver;
+use muster_machines::msp::controller::{Gains, Receiver};
 use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::traffic;
@@ -132,6 +132,7 @@ pub fn build_plan(
             .endurance_s
             .map(|it| Duration::from_secs_f64(it.0)),
         pose: pose(source, raw)?,
+        gains: gains(source, raw)?,
         alone: raw.failsafe.alone.into(),
         limits,
         fence,
@@ -154,6 +155,17 @@ fn pose(source: &Source, raw: &Raw) -> Result<Option<PoseSensor>, BadInput> {
         delay: Duration::from_millis(pose.delay_ms.0),
         outliers: pose.outliers.0,
     }))
+}
+
+fn gains(source: &Source, raw: &Raw) -> Result<Gains, BadInput> {
+    let Some(gains) = &raw.vehicle.gains else {
+        return Ok(Gains::from(&raw::Gains::default()));
+    };
+    if VehicleKind::from(raw.vehicle.kind) != VehicleKind::Msp {
+        let message = "only a `vehicle.kind = \"msp\"` is flown by sticks, with gains";
+        return Err(source.error(gains.span(), message));
+    }
+    Ok(gains.get_ref().into())
 }
 
 fn receiver(source: &Source, raw: &Raw) -> Result<Receiver, BadInput> {

@@ -91,6 +91,8 @@ pub struct Plan {
     pub endurance: Option<Duration>,
     /// What measures where a vehicle with a flight controller is. `None`: GPS.
     pub pose: Option<PoseSensor>,
+    /// Gains of the flight by sticks.
+    pub gains: controller::Gains,
     /// What a drone in the air does when it receives no other drone.
     pub alone: Alone,
     /// Limits of the flight.
@@ -306,7 +308,7 @@ impl Plan {
             landing: self.landing,
             place: self.pose.map_or(PlaceSensor::Gps, |_| PlaceSensor::Pose),
             noise: controller::Noise::GPS,
-            gains: controller::Gains::QUADCOPTER,
+            gains: self.gains,
         };
         match kind {
             VehicleKind::ClosedForm => {

@@ -128,6 +128,9 @@ fn accepted(path: &str, inner: &Value, property: &Value, shape: Shape) -> String
 /// The unit that a field's name ends with.
 fn unit(path: &str) -> Option<&'static str> {
     let units = [
+        ("_per_s2", "1/s²"),
+        ("_per_s", "1/s"),
+        ("_rad", "radians"),
         ("_mps2", "m/s²"),
         ("_mps", "m/s"),
         ("_dps", "°/s"),

@@ -73,7 +73,7 @@ pub(crate) struct PortFigures {
 
 /// What the port of a drone's process does in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum PortState {
+pub(crate) enum PortState {
     /// The process runs.
     Runs,
     /// The process runs, but its link to the controller hangs or has failed for good: no new RC frames come.
@@ -84,11 +84,11 @@ pub(super) enum PortState {
 
 /// All controllers, by the numbers of their drones. Empty without any.
 #[derive(Debug, Default)]
-pub(super) struct Controllers(Vec<Option<Attached>>);
+pub(crate) struct Controllers(Vec<Option<Attached>>);
 
 impl Controllers {
     /// The next drones are those of a scenario. `sensors` and `lines` draw the seeds of their sensors and of their lines' faults.
-    pub(super) fn extend(
+    pub(crate) fn extend(
         &mut self,
         scenario: &Scenario,
         sensors: &mut ChaCha8Rng,
@@ -157,7 +157,7 @@ impl Controllers {
     }
 
     /// A drone's link gives its newest RC frame; `None` stops RC.
-    pub(super) fn set_rc(&mut self, now: Timestamp, drone: NodeId, rc: Option<SetRawRc>) {
+    pub(crate) fn set_rc(&mut self, now: Timestamp, drone: NodeId, rc: Option<SetRawRc>) {
         if let Some(attached) = self.get(drone) {
             match rc {
                 Some(rc) => attached.conversation.set_channels(elapsed(now), rc),
@@ -189,7 +189,7 @@ impl Controllers {
     }
 
     /// A drone's pilot, if there is one, sees whether the drone is to take off.
-    pub(super) fn show_pilot(&mut self, drone: NodeId, is_to_take_off: bool) {
+    pub(crate) fn show_pilot(&mut self, drone: NodeId, is_to_take_off: bool) {
         if let Some(pilot) = self.get(drone).and_then(|it| it.pilot.as_mut()) {
             pilot.is_to_take_off = is_to_take_off;
         }
@@ -235,7 +235,7 @@ impl Controllers {
 
     /// A tick of a drone's port: reads what has come, writes one command. `tell` takes what its link is told. Returns the state
     /// of the aircraft, if it is time to look at it, and until when it holds.
-    pub(super) fn tick(
+    pub(crate) fn tick(
         &mut self,
         now: Timestamp,
         drone: NodeId,
@@ -284,7 +284,7 @@ impl Controllers {
     }
 
     /// Whether a drone's controller has waited for RC for too long, or its aircraft has broken.
-    pub(super) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
+    pub(crate) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
         let attached = self.0.get(drone.0 as usize)?.as_ref()?;
         (attached.gaps.check(now, drone)).or_else(|| attached.wreck.check(now, drone))
     }

@@ -48,7 +48,7 @@ use muster_machines::time::Timestamp;
 use muster_machines::{msp, routing, wire};
 
 pub use self::controllers::LOOK_EVERY;
-pub(crate) use self::controllers::PortFigures;
+pub(crate) use self::controllers::{Controllers, PortFigures, PortState};
 use self::event::Event;
 pub use self::faulty::FaultyController;
 pub(crate) use self::injection::{Injection, Phase};
@@ -57,6 +57,7 @@ pub(crate) use self::message::{Task, What};
 pub(crate) use self::mirror::Mirror;
 pub use self::mirror::ProcessState;
 pub(crate) use self::outcome::{Outcome, SwarmOutcome, track};
+pub use self::pilot::Pilot;
 pub(crate) use self::recorder::{Incident, LINKED_NODES_MAX, Record, Recorder};
 use self::scene::Scene;
 pub(crate) use self::setup::blueprints;

@@ -2,6 +2,8 @@
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 use crate::support::{Sweep, fly, scenario};
 
@@ -152,6 +154,51 @@ fn a_drone_whose_pilot_takes_over_lands_for_the_swarm_and_the_others_finish() {
         assert_came_down(&events, seed);
         let because = events.drones[1].landed_because.as_deref();
         assert_eq!(because, Some("its pilot took it over"));
+    }
+}
+
+/// A pilot takes a drone over at a moment of a mission, from take-off to the ground.
+fn assert_others_finish(seed: u64, at_s: f64) {
+    let what = format!("seed {seed}, {at_s:.1} s");
+    let fault = format!(r#"faults=[{{ at_s = {at_s:.2}, kind = "take-over", drone = 1 }}]"#);
+    let seed = format!("seed={seed}");
+    let overrides = [seed.as_str(), "vehicle.receiver=override", &fault];
+    let report = fly(
+        &scenario("chaos-controllers.toml", &overrides),
+        Engine::Events,
+    );
+    assert_eq!(report.violations, [], "{what}");
+    for drone in &report.drones {
+        let because = drone.landed_because.as_deref();
+        let is_taken = drone.id == 1 && because == Some("its pilot took it over");
+        let is_over = drone.state == "finished" && because.is_none();
+        assert!(is_taken || is_over, "{what}, {drone:?}");
+    }
+}
+
+/// When drones with pilots take off, and when they are down, in seconds.
+fn flight_of_pilots() -> std::ops::Range<f64> {
+    let scenario = scenario("chaos-controllers.toml", &["vehicle.receiver=override"]);
+    let report = fly(&scenario, Engine::Events);
+    10.0..report.simulated_s
+}
+
+#[test]
+fn swarm_goes_on_whenever_a_pilot_takes_a_drone_over() {
+    let flight = flight_of_pilots();
+    let mut rng = ChaCha8Rng::seed_from_u64(25);
+    for seed in 1..=8 {
+        assert_others_finish(seed, rng.random_range(flight.clone()));
+    }
+}
+
+#[test]
+#[ignore = "a hundred flights: .ci/nightly"]
+fn swarm_goes_on_at_a_hundred_moments_at_which_a_pilot_takes_a_drone_over() {
+    let flight = flight_of_pilots();
+    let mut rng = ChaCha8Rng::seed_from_u64(100);
+    for seed in 1..=100 {
+        assert_others_finish(seed, rng.random_range(flight.clone()));
     }
 }
 

@@ -26,3 +26,4 @@ mod spinning;
 mod support;
 mod thesis;
 mod tree;
+mod tuning;

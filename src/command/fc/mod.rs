@@ -3,6 +3,7 @@
 mod check;
 mod probe;
 mod simulate;
+mod tune;
 mod watch;
 
 use std::net::SocketAddr;
@@ -38,6 +39,7 @@ enum Action {
     Watch(watch::Arguments),
     Check(check::Arguments),
     Simulate(simulate::Arguments),
+    Tune(tune::Arguments),
 }
 
 #[derive(Debug, Args)]
@@ -96,6 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         Action::Watch(arguments) => watch::run(arguments),
         Action::Check(arguments) => check::run(arguments),
         Action::Simulate(arguments) => simulate::run(arguments),
+        Action::Tune(arguments) => tune::run(arguments),
     }
 }
 

@@ -2,7 +2,8 @@
 
 use std::io;
 
-use muster_machines::msp::autopilot::LOST_AFTER;
+use muster_machines::msp::autopilot::{LOST_AFTER, Told};
+use muster_machines::msp::controller::Stage;
 use muster_machines::msp::{PortEvent, Telemetry};
 use muster_mavlink::{Event, Port};
 use tokio::sync::mpsc;
@@ -18,6 +19,9 @@ pub(super) struct Piloted {
     pub(super) telemetry: Telemetry,
 }
 
+/// Heartbeats of an autopilot that does not say that it is a simulation, until that is a warning.
+const SILENT_ON_SIMULATION: u32 = 5;
+
 /// Opens a port. Returns its events.
 ///
 /// # Errors
@@ -25,7 +29,20 @@ pub(super) struct Piloted {
 pub(super) fn open(config: &AutopilotConfig) -> io::Result<(Vehicle, PortEvents)> {
     let (sender, events) = mpsc::channel(EVENTS_MAX);
     let mut refused = 0_u64;
+    let mut is_asked_for_simulation = config.stage == Stage::Sim;
+    let mut heartbeats = 0_u32;
     let port = Port::open(config.port, move |event| {
+        match event {
+            Event::Told(Told::Simulated) => is_asked_for_simulation = false,
+            Event::Told(Told::Heartbeat { .. }) if is_asked_for_simulation => heartbeats += 1,
+            _ => {}
+        }
+        if is_asked_for_simulation && heartbeats == SILENT_ON_SIMULATION {
+            is_asked_for_simulation = false;
+            tracing::warn!(
+                "the autopilot does not say that it is a simulation (SIM_STATE): it gets no command"
+            );
+        }
         match event {
             // While the link is behind, what is told is dropped: the next is newer.
             Event::Told(told) => drop(sender.try_send(PortEvent::Autopilot(told))),

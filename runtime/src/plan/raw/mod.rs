@@ -10,6 +10,7 @@ mod limits;
 mod names;
 mod numbers;
 mod reference;
+mod vehicle;
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -27,11 +28,12 @@ pub use self::names::{
     SuccessionName, VehicleKindName,
 };
 pub use self::numbers::{
-    Gusts, Heading, Height, Length, Microseconds, Milliseconds, Offset, PartsPerMillion, Payload,
-    Rate, Seconds, SecondsFrom0, Seed, Shape, Share, Sigma, TurnRate, Velocity, Volts, Wear, Whole,
-    Wind,
+    Gain, Gusts, Heading, Height, IntegralGain, Lean, Length, Microseconds, Milliseconds, Offset,
+    PartsPerMillion, Payload, Rate, Seconds, SecondsFrom0, Seed, Shape, Share, Sigma, Throttle,
+    TurnRate, Velocity, Volts, Wear, Whole, Wind,
 };
 pub(super) use self::reference::reference;
+pub use self::vehicle::{Aircraft, Gains, PoseSensor, Vehicle};
 use crate::schema::{Located, Or};
 
 #[derive(Debug, Deserialize, JsonSchema)]
@@ -384,84 +386,6 @@ pub struct Sticks {
         "x-condition" = "from −`vehicle.descent_mps` to `vehicle.climb_mps`"
     ))]
     pub climb_mps: Or<Velocity, 0>,
-}
-
-/// A multirotor with ArduCopter's usual limits.
-#[derive(Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, expecting = "a table, `[vehicle]`")]
-pub struct Vehicle {
-    /// What flies.
-    #[serde(default)]
-    pub kind: VehicleKindName,
-    /// Who else commands the flight controllers.
-    #[schemars(extend("x-default" = "\"sole\"", "x-condition" = "only with `kind` = \"msp\""))]
-    pub receiver: Option<Located<ReceiverName>>,
-    /// Speed over ground; 10 m/s as in ArduCopter's `WPNAV_SPEED` and the theses.
-    #[serde(default)]
-    pub speed_mps: Or<Rate, 10>,
-    /// Acceleration on any leg; ArduCopter's `WPNAV_ACCEL`.
-    #[serde(default)]
-    pub acceleration_mps2: Or<Rate, 1>,
-    /// Speed upwards; ArduCopter's `WPNAV_SPEED_UP`.
-    #[serde(default)]
-    pub climb_mps: Or<Rate, 5, 2>,
-    /// Speed downwards; ArduCopter's `WPNAV_SPEED_DN`.
-    #[serde(default)]
-    pub descent_mps: Or<Rate, 3, 2>,
-    /// Speed downwards close to the ground; ArduCopter's `LAND_SPEED`.
-    #[serde(default)]
-    pub landing_mps: Or<Rate, 1, 2>,
-    /// Height below which `landing_mps` applies; ArduCopter's `LAND_ALT_LOW`.
-    #[serde(default)]
-    pub landing_altitude_m: Or<Height, 10>,
-    /// Longest hover at the end of a leg, drawn evenly per leg; a landing is no leg.
-    #[serde(default)]
-    pub settle_ms: Or<Whole<0, 60_000>, 0>,
-    /// How long a full battery lasts with the motors armed. An empty battery takes the drone down.
-    #[schemars(extend("x-default" = "batteries do not drain"))]
-    pub endurance_s: Option<Seconds>,
-    /// A sensor beside the flight controller measures where the vehicle is, as motion capture does. Without this table GPS
-    /// does. Only with `vehicle.kind = "msp"`.
-    pub pose: Option<Located<PoseSensor>>,
-}
-
-/// A pose sensor, by default as good as motion capture over a radio.
-#[derive(Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, expecting = "a table, `[vehicle.pose]`")]
-pub struct PoseSensor {
-    /// Standard deviation on each axis, in metres.
-    #[serde(default)]
-    pub sigma_m: Or<Sigma, 5, 100>,
-    /// From one measurement to the next.
-    #[serde(default)]
-    pub period_ms: Or<Whole<10, 1_000>, 100>,
-    /// From a measurement to its arrival.
-    #[serde(default)]
-    pub delay_ms: Or<Whole<0, 500>, 100>,
-    /// Share of measurements that are wrong by up to 5 m on each axis.
-    #[serde(default)]
-    pub outliers: Or<Share, 0>,
-}
-
-/// The aircraft of simulated flight controllers, and the air that they fly in. Only with `vehicle.kind = "msp"`.
-#[derive(Debug, Default, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, expecting = "a table, `[aircraft]`")]
-pub struct Aircraft {
-    /// Mass in addition to the aircraft's 0.752 kg.
-    #[serde(default)]
-    pub payload_kg: Or<Payload, 0>,
-    /// Share of a new battery's capacity that is lost; its internal resistance rises as much.
-    #[serde(default)]
-    pub battery_wear: Or<Wear, 0>,
-    /// Mean wind to the north.
-    #[serde(default)]
-    pub wind_north_mps: Or<Wind, 0>,
-    /// Mean wind to the east.
-    #[serde(default)]
-    pub wind_east_mps: Or<Wind, 0>,
-    /// Standard deviation of gusts on each axis.
-    #[serde(default)]
-    pub gusts_mps: Or<Gusts, 0>,
 }
 
 /// When a drone gives up its flight.

@@ -72,6 +72,10 @@ number!(Heading, "an angle", -360.0, 360.0);
 number!(Payload, "a mass", 0.0, 1.0);
 number!(Wear, "a share", 0.0, 0.9);
 number!(Wind, "a wind speed", -20.0, 20.0);
+number!(Gain, "a gain", 0.05, 10.0);
+number!(IntegralGain, "a gain", 0.0, 10.0);
+number!(Lean, "an angle", 0.05, 0.9);
+number!(Throttle, "a throttle", 0.1, 0.8);
 number!(Gusts, "a standard deviation", 0.0, 10.0);
 
 /// Milliseconds: at least one, at most an hour.

@@ -1,7 +1,9 @@
 use serde::Deserialize;
 
+use muster_machines::msp::controller;
+
 use super::super::schema;
-use super::{ActorName, FaultKindName, ParametersName};
+use super::{ActorName, FaultKindName, Gains, ParametersName};
 use crate::schema::Field;
 
 fn field(path: &str) -> &'static Field {
@@ -83,4 +85,10 @@ fn names_are_those_that_a_file_has() {
         field("protocol.parameters").accepted.replace(" or ", ", "),
         sets.join(", ")
     );
+}
+
+#[test]
+fn default_gains_are_those_of_a_quadcopter() {
+    let gains = controller::Gains::from(&Gains::default());
+    assert_eq!(gains, controller::Gains::QUADCOPTER);
 }

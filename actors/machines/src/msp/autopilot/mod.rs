@@ -23,6 +23,8 @@ use crate::time::{Timestamp, first_of};
 const TARGET_PERIOD: Duration = Duration::from_millis(200);
 /// From one heartbeat of the link to the next, and until an order that was not carried out is repeated.
 const PERIOD: Duration = Duration::from_secs(1);
+/// Time for which an autopilot that said that it is a simulation counts as one that may arm: three times what is asked for.
+const SIMULATED_FOR: Duration = Duration::from_secs(3);
 /// Braking before the first setpoint, in m/s².
 const BRAKING_MPS2: f64 = 1.0;
 
@@ -37,7 +39,8 @@ pub struct Config {
 
 /// A link to an autopilot that flies legs itself.
 ///
-/// Invariant: all orders pass one gate, and in any stage but `sim` it only asks for telemetry.
+/// Invariant: all orders pass one gate. It only asks for telemetry in any stage but `sim`, and of an autopilot that has not
+/// said that it is a simulation.
 #[derive(Debug)]
 pub struct AutopilotLink {
     config: Config,
@@ -51,6 +54,8 @@ pub struct AutopilotLink {
     place: Place,
     landed: Option<Landed>,
     charge: Option<f64>,
+    /// When the autopilot last said that it is a simulation.
+    simulated_at: Option<Timestamp>,
     course: Option<Course>,
     kept: Option<Checkpoint>,
     last: Option<Telemetry>,
@@ -79,6 +84,7 @@ impl AutopilotLink {
             place: Place::new(config.home, now),
             landed: None,
             charge: None,
+            simulated_at: None,
             course: setpoint.map(|it| Course::new(now, it, None)),
             kept: None,
             last: None,
@@ -135,6 +141,13 @@ impl AutopilotLink {
                 }
             }
             Told::Charge(charge) => self.charge = Some(charge),
+            Told::Simulated => {
+                let was_simulated = self.simulated_at.replace(now).is_some();
+                if !was_simulated && self.acts_at.is_some() {
+                    self.handle_second(now);
+                    self.keep();
+                }
+            }
         }
         self.report_news(now);
     }
@@ -146,7 +159,8 @@ impl AutopilotLink {
         if !self.contact.taken().by_failsafe {
             self.order(Order::Heartbeat);
         }
-        if self.place.lost_for(now).is_some() || self.landed.is_none() {
+        let is_unknown = self.landed.is_none() || self.simulated_at.is_none();
+        if self.place.lost_for(now).is_some() || is_unknown {
             self.order(Order::Tell);
         }
         if let Some(course) = self.course.filter(|_| self.flies()) {
@@ -173,7 +187,8 @@ impl AutopilotLink {
             }
         } else if self.must_arm {
             let is_ready = self.contact.is_known() && self.place.lost_for(now).is_none();
-            if !is_ready || self.config.stage != Stage::Sim {
+            let is_simulated = (self.simulated_at).is_some_and(|at| now.since(at) <= SIMULATED_FOR);
+            if !is_ready || !is_simulated || self.config.stage != Stage::Sim {
                 return;
             }
             if self.contact.is_in(Mode::Guided) {
@@ -209,7 +224,8 @@ impl AutopilotLink {
 
     /// The last point before orders leave.
     fn order(&mut self, order: Order) {
-        if self.config.stage == Stage::Sim || order == Order::Tell {
+        let may_command = self.config.stage == Stage::Sim && self.simulated_at.is_some();
+        if may_command || order == Order::Tell {
             self.outbox.transmit(Transmit::Order(order));
         }
     }

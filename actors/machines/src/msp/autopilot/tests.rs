@@ -10,6 +10,8 @@ struct Bench {
     now: Timestamp,
     link: AutopilotLink,
     is_heard: bool,
+    /// It says that it is a simulation.
+    is_simulated: bool,
     armed: bool,
     mode: Mode,
     landed: Landed,
@@ -40,6 +42,7 @@ impl Bench {
             now: Timestamp::ZERO,
             link,
             is_heard: true,
+            is_simulated: true,
             armed: false,
             mode: Mode::Other,
             landed: Landed::Ground,
@@ -100,6 +103,9 @@ impl Bench {
             if self.is_heard {
                 let (armed, mode) = (self.armed, self.mode);
                 self.tell(Told::Heartbeat { armed, mode });
+                if self.is_simulated {
+                    self.tell(Told::Simulated);
+                }
                 self.tell(Told::Landed(self.landed));
                 self.tell(Told::Origin(config(Stage::Sim).home));
                 let (position, velocity) = (self.position, self.velocity);
@@ -276,10 +282,47 @@ fn it_does_not_arm_without_a_position() {
         armed: false,
         mode: Mode::Guided,
     };
+    bench.tell(Told::Simulated);
     bench.tell(heartbeat);
     bench.command(FlightCommand::Arm);
     assert_eq!(bench.orders, [Order::Heartbeat, Order::Tell]);
     assert!(bench.told().position_lost_for.is_some());
+}
+
+#[test]
+fn it_does_not_arm_an_autopilot_that_does_not_say_that_it_is_a_simulation() {
+    let mut bench = Bench::new(Stage::Sim);
+    bench.is_simulated = false;
+    bench.mode = Mode::Guided;
+    bench.run(1.0);
+    bench.command(FlightCommand::Arm);
+    let orders = bench.orders_of(10.0);
+    assert!(!orders.is_empty() && orders.iter().all(|it| *it == Order::Tell));
+    bench.is_simulated = true;
+    assert!(bench.orders_of(2.0).contains(&Order::Arm));
+}
+
+#[test]
+fn it_does_not_arm_an_autopilot_that_said_so_some_seconds_ago() {
+    let mut bench = Bench::new(Stage::Sim);
+    bench.mode = Mode::Guided;
+    bench.run(1.0);
+    bench.is_simulated = false;
+    bench.run(3.5);
+    bench.command(FlightCommand::Arm);
+    assert!(!bench.orders_of(10.0).contains(&Order::Arm));
+}
+
+#[test]
+fn restarted_link_lands_an_autopilot_only_once_that_says_again_that_it_is_a_simulation() {
+    let mut bench = Bench::flying();
+    let checkpoint = bench.checkpoint;
+    bench.link = AutopilotLink::new(config(Stage::Sim), checkpoint, bench.now);
+    bench.is_simulated = false;
+    bench.command(FlightCommand::Land);
+    assert!(!bench.orders_of(2.0).contains(&Order::Land));
+    bench.is_simulated = true;
+    assert!(bench.orders_of(1.5).contains(&Order::Land));
 }
 
 fn inputs() -> impl Strategy<Value = Input> {
@@ -288,6 +331,7 @@ fn inputs() -> impl Strategy<Value = Input> {
         (any::<bool>(), mode).prop_map(|(armed, mode)| Told::Heartbeat { armed, mode }),
         Just(Told::Landed(Landed::Ground)),
         Just(Told::Landed(Landed::Air)),
+        Just(Told::Simulated),
         Just(Told::Origin(config(Stage::Bench).home)),
         Just(Told::Place {
             position: Ned::HOME,
@@ -308,6 +352,19 @@ proptest! {
     fn in_the_stage_bench_it_only_asks_for_telemetry(inputs in proptest::collection::vec(inputs(), 1..60)) {
         let mut bench = Bench::new(Stage::Bench);
         for input in inputs {
+            bench.now += Duration::from_millis(300);
+            bench.give(input);
+            bench.link.handle_timeout(bench.now);
+            bench.drain();
+        }
+        prop_assert!(bench.orders.iter().all(|it| *it == Order::Tell), "{:?}", bench.orders);
+    }
+
+    #[test]
+    fn of_what_says_of_no_simulation_it_only_asks_for_telemetry(inputs in proptest::collection::vec(inputs(), 1..60)) {
+        let mut bench = Bench::new(Stage::Sim);
+        let says_so = Input::Port(PortEvent::Autopilot(Told::Simulated));
+        for input in inputs.into_iter().filter(|it| *it != says_so) {
             bench.now += Duration::from_millis(300);
             bench.give(input);
             bench.link.handle_timeout(bench.now);

@@ -26,6 +26,8 @@ pub enum Told {
     },
     /// Battery charge, as a fraction of a full one.
     Charge(f64),
+    /// It flies a simulation, and no motor. Expected once a second from one that does.
+    Simulated,
 }
 
 /// What an autopilot flies by.
