@@ -22,7 +22,7 @@ GUIDE = PROJECT / "docs/src/guides/deploy.md"
 COMMANDS_MAX = 15
 SECTOR = 512
 BOOT = range(2_048, 2_048 + 32_768)
-ROOT = range(BOOT.stop, BOOT.stop + 1_000_000)
+ROOT = range(BOOT.stop, BOOT.stop + 1_600_000)
 # A radio as the guide's commands set it; none is here.
 IW = """#!/bin/sh
 case "$*" in
@@ -33,6 +33,11 @@ esac
 """
 # In a container nothing sets the clock.
 TIME = "[Service]\nExecStart=/bin/sleep infinity\n[Install]\nWantedBy=multi-user.target\n"
+# The kernel is this machine's; its arguments are the card's.
+KERNEL = (
+    "[Service]\nType=oneshot\nRemainAfterExit=yes\nExecStart=/bin/mount --bind /boot/firmware/cmdline.txt /proc/cmdline\n"
+    "[Install]\nWantedBy=multi-user.target\n"
+)
 
 
 def partitioned(image, folder):
@@ -60,7 +65,9 @@ def stock(debian, folder):
     (root / "usr/sbin/iw").write_text(IW)
     (root / "usr/sbin/iw").chmod(0o755)
     (root / "etc/systemd/system/systemd-timesyncd.service").write_text(TIME)
-    run("chroot", str(root), "systemctl", "enable", "systemd-timesyncd.service")
+    (root / "etc/systemd/system/card-kernel.service").write_text(KERNEL)
+    run("chroot", str(root), "systemctl", "enable", "systemd-timesyncd.service", "card-kernel.service")
+    (root / "boot/firmware").mkdir()
 
 
 class Pi(Host):
@@ -77,8 +84,7 @@ class Pi(Host):
         return self.folder / "boot"
 
     def options(self):
-        # The kernel is this machine's.
-        return f"--bind-ro={self.boot()}/cmdline.txt:/proc/cmdline"
+        return f"--bind={self.boot()}:/boot/firmware"
 
     def end(self):
         super().end()
@@ -100,7 +106,7 @@ def commands():
 
 def shell(command, folder, *before):
     """Runs a command as a user does who is in the project's folder."""
-    path = f"{folder}/target/programs/x86_64:{os.environ['PATH']}"
+    path = f"{folder}/bin:{folder}/target/programs/x86_64:{os.environ['PATH']}"
     return subprocess.run([*before, "bash", "-euc", command], cwd=folder, text=True, capture_output=True, env={**os.environ, "PATH": path})
 
 
@@ -118,6 +124,10 @@ def prepare(folder, muster, musterd, debian):
     programs.mkdir(parents=True)
     shutil.copy(muster, programs / "muster")
     shutil.copy(musterd, programs / "musterd")
+    # What the user's own configuration says to ssh.
+    (folder / "bin").mkdir()
+    (folder / "bin/ssh").write_text(f'#!/bin/sh\nexec /usr/bin/ssh -F {folder}/ssh_config "$@"\n')
+    (folder / "bin/ssh").chmod(0o755)
     (folder / "deploy").mkdir()
     shutil.copy(PROJECT / "deploy/card", folder / "deploy/card")
     run("ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(folder / "key"))
@@ -143,9 +153,6 @@ def main():
         card_commands(lab, folder, [it for it in wanted if is_card(it)])
         print(f"five cards in {time.monotonic() - start:.1f} s", flush=True)
         with lab:
-            # What ssh reads by itself is in root's home.
-            run("mount", "--bind", str(folder), "/root/.ssh")
-            shutil.copy(folder / "ssh_config", folder / "config")
             (folder / "known_hosts").write_text("")
             for command in wanted:
                 # Stand-ins: programs are built, and the network is there.
@@ -160,8 +167,9 @@ def main():
                 (drone,) = host["facts"]["drones"].values()
                 assert len(drone["health"]["Healthy"]["proven"]) == len(NAMES) - 1, host
             for host in lab.hosts:
-                rules = (host.root / "etc/passwd").read_text()
-                assert "pi:x" not in rules and "fly:x" in rules, rules
+                users = (host.root / "etc/passwd").read_text()
+                assert "pi:x" not in users and "fly:x" in users, users
+                assert "regdom=DE" in host.ssh("cat", "/proc/cmdline").stdout
     print(f"{len(wanted)} commands of the guide, from card images to five drones that have proven themselves to each other")
 
 

@@ -78,9 +78,9 @@ class Bench:
         return self.lab.hosts
 
     def write_fleet(self, flight=1, soak_s=1, suffix="", scenario="swarm-short", transport="udp", controller=None):
-        """`controller`: the port of the first host's flight controller."""
+        """`controller`: lines of the first host about its flight controller."""
         config = self.folder / "ssh_config"
-        lines = lambda host: f'controller = "{controller}"\nreceiver = "sole"\n' if controller and host.number == 0 else ""
+        lines = lambda host: f"{controller}\n" if controller and host.number == 0 else ""
         hosts = "\n".join(
             HOST.format(name=it.name, number=it.number, config=config, suffix=suffix, controller=lines(it)) for it in self.hosts
         )
@@ -221,7 +221,7 @@ def dead_controller(bench):
     """A release that does not reach the flight controller is stopped at the canary, which has one."""
     simulated = bench.lab.start_on_operator(bench.muster, "fc", "simulate", "--listen", "10.0.0.100:5761")
     try:
-        bench.write_fleet(controller="tcp:10.0.0.100:5761")
+        bench.write_fleet(controller='controller = "tcp:10.0.0.100:5761"\nreceiver = "sole"')
         code, report, errors = bench.apply("0.1.2")
         assert code == 0, (report, errors)
         broken_releases(bench, ["hears-no-controller"])
@@ -476,7 +476,9 @@ def serial_port_and_quic(bench):
     wait_until("the serial port is there", lambda: host.ssh("test", "-e", "/dev/ttyACM0", check=False, suffix="-user").returncode == 0)
     # As udev does it for a real one.
     host.ssh("sudo", "sh", "-c", "'chgrp dialout /dev/ttyACM0 && chmod 660 /dev/ttyACM0'", suffix="-user")
-    bench.write_fleet(suffix="-user", flight=9, transport="quic", controller="/dev/ttyACM0")
+    # Motors may hang on a serial port: nothing arms them.
+    port = 'controller = "serial:/dev/ttyACM0"\nreceiver = "sole"\nstage = "bench"'
+    bench.write_fleet(suffix="-user", flight=9, transport="quic", controller=port)
     code, report, errors = bench.apply("0.1.2")
     assert code == 0, (report, errors)
     bench.assert_all_run("0.1.2")
