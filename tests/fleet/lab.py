@@ -32,6 +32,7 @@ class Host:
 
     def __init__(self, lab, number):
         self.lab, self.number, self.name = lab, number, NAMES[number]
+        self.address = f"10.0.0.{10 + number}"
         self.folder = lab.folder / self.name
         self.root = self.folder / "root"
         self.process = None
@@ -40,31 +41,36 @@ class Host:
         self.starts = 0
 
     def create(self):
+        self.root.mkdir(parents=True)
+        self.mount_root()
+        (self.root / "etc/machine-id").write_text("")
+        for key in self.root.glob("etc/ssh/ssh_host_*"):
+            key.unlink()
+        run("ssh-keygen", "-A", "-f", str(self.root))
+        self.lab.add_host(f"fleet-{self.name}", f"p{self.number}", self.address)
+        public = (self.root / "etc/ssh/ssh_host_ed25519_key.pub").read_text()
+        with (self.lab.folder / "known_hosts").open("a") as known:
+            known.write(f"{self.address} {public}")
+        with (self.lab.folder / "ssh_config").open("a") as config:
+            config.write(f"Host {self.name}\n  HostName {self.address}\n  User {self.lab.user}\n")
+            config.write(f"Host {self.name}-user\n  HostName {self.address}\n  User pi\n")
+        self.let_in()
+
+    def mount_root(self):
         disk = self.folder / "disk"
-        for folder in [self.root, disk]:
-            folder.mkdir(parents=True)
+        disk.mkdir()
         # As small as an old card, and quickly full.
         run("mount", "-t", "tmpfs", "-o", "size=400m", "tmpfs", str(disk))
         for folder in ["upper", "work"]:
             (disk / folder).mkdir()
         layers = f"lowerdir={self.lab.image},upperdir={disk}/upper,workdir={disk}/work"
         run("mount", "-t", "overlay", "-o", layers, "overlay", str(self.root))
-        (self.root / "etc/machine-id").write_text("")
-        for key in self.root.glob("etc/ssh/ssh_host_*"):
-            key.unlink()
-        run("ssh-keygen", "-A", "-f", str(self.root))
+
+    def let_in(self):
+        """Names the host, and lets the operator log in."""
         (self.root / "etc/hostname").write_text(f"{self.name}\n")
         (self.root / "root/.ssh").mkdir(mode=0o700, exist_ok=True)
         shutil.copy(self.lab.folder / "key.pub", self.root / "root/.ssh/authorized_keys")
-        namespace, port = f"fleet-{self.name}", f"p{self.number}"
-        address = f"10.78.0.{self.number + 1}"
-        self.lab.add_host(namespace, port, address)
-        public = (self.root / "etc/ssh/ssh_host_ed25519_key.pub").read_text()
-        with (self.lab.folder / "known_hosts").open("a") as known:
-            known.write(f"{address} {public}")
-        with (self.lab.folder / "ssh_config").open("a") as config:
-            config.write(f"Host {self.name}\n  HostName {address}\n  User root\n")
-            config.write(f"Host {self.name}-user\n  HostName {address}\n  User pi\n")
         # As on a card: a user with a password, who may become root.
         run("chroot", str(self.root), "useradd", "--create-home", "--shell", "/bin/bash", "pi")
         run("chroot", str(self.root), "chpasswd", input="pi:raspberry\n")
@@ -73,6 +79,10 @@ class Host:
         home.mkdir(mode=0o700)
         shutil.copy(self.lab.folder / "key.pub", home / "authorized_keys")
         run("chroot", str(self.root), "chown", "-R", "pi:pi", "/home/pi/.ssh")
+
+    def options(self):
+        """More options of systemd-nspawn."""
+        return ""
 
     def cgroups(self):
         return [cgroup / f"{self.lab.folder.name}-{self.name}-{self.starts}" for cgroup in CGROUPS]
@@ -90,7 +100,7 @@ class Host:
             join = "; ".join(f"echo $$ > {it}/cgroup.procs" for it in self.cgroups())
             nspawn = (
                 f"systemd-nspawn --quiet --directory={self.root} --machine={self.name} --register=no --keep-unit --capability=CAP_NET_ADMIN "
-                f"--network-namespace-path=/run/netns/fleet-{self.name} --boot --console=pipe"
+                f"--network-namespace-path=/run/netns/fleet-{self.name} --boot --console=pipe {self.options()}"
             )
             with (self.folder / "console").open("a") as console:
                 self.process = subprocess.Popen(
@@ -144,9 +154,12 @@ class Host:
 class Lab:
     """The hosts, a switch, and the operator's machine."""
 
-    def __init__(self, folder, image):
+    # The user whom the operator logs in as.
+    user = "root"
+
+    def __init__(self, folder, image, hosts=len(NAMES), kind=Host):
         self.folder, self.image = pathlib.Path(folder), pathlib.Path(image)
-        self.hosts = [Host(self, number) for number in range(len(NAMES))]
+        self.hosts = [kind(self, number) for number in range(hosts)]
 
     def __enter__(self):
         try:
@@ -159,7 +172,8 @@ class Lab:
         pathlib.Path("/run/systemd/nspawn").mkdir(parents=True, exist_ok=True)
         for folder in ["/run/systemd/nspawn", "/run/netns"]:
             run("mount", "-t", "tmpfs", "tmpfs", folder)
-        run("ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(self.folder / "key"))
+        if not (self.folder / "key").exists():
+            run("ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(self.folder / "key"))
         config = (
             f"IdentityFile {self.folder}/key\nUserKnownHostsFile {self.folder}/known_hosts\n"
             "BatchMode yes\nConnectTimeout 3\nServerAliveInterval 1\nServerAliveCountMax 5\nLogLevel ERROR\n"
@@ -169,7 +183,7 @@ class Lab:
         run("ip", "netns", "add", "fleet-sw")
         for command in ["link add br0 type bridge mcast_snooping 0", "link set br0 up"]:
             run("ip", "-n", "fleet-sw", *command.split())
-        self.add_host("fleet-op", "op", "10.78.0.100")
+        self.add_host("fleet-op", "op", "10.0.0.100")
         for host in self.hosts:
             host.create()
         for host in self.hosts:

@@ -16,6 +16,7 @@ GATE = {"within_s": 20, "hold_s": 8}
 BACK_MAX_S = 30.0
 
 FLEET = """group = "239.78.0.1:4700"
+transport = "{transport}"
 scenario = "{scenario}"
 keys = "keys"
 flight = {flight}
@@ -44,7 +45,7 @@ HOST = """[[hosts]]
 name = "{name}"
 run = ["ssh", "-F", "{config}", "{name}{suffix}"]
 drones = [{number}]
-"""
+{controller}"""
 
 # What a broken release's musterd does when a service starts it. The rest is a good musterd's.
 BROKEN = {
@@ -55,6 +56,9 @@ BROKEN = {
     "fills-the-disk": "cat /dev/zero > /var/lib/muster/full; sleep 1",
     "hangs-after-5-s": "(sleep 5; kill -STOP $$) &",
     "dies-after-5-s": "(sleep 5; kill -KILL $$) &",
+    "hears-no-controller": 'sed "s/tcp:10.0.0.100:5761/tcp:10.0.0.100:5799/" /opt/muster/current/config/drone-*.toml '
+    '> /var/lib/muster/own.toml; cp /opt/muster/current/config/* /var/lib/muster/; '
+    'set -- --config /var/lib/muster/own.toml',
     "hangs-in-the-soak": "(sleep 14; kill -STOP $$) &",
 }
 
@@ -73,10 +77,14 @@ class Bench:
     def hosts(self):
         return self.lab.hosts
 
-    def write_fleet(self, flight=1, soak_s=1, suffix="", scenario="swarm-short"):
+    def write_fleet(self, flight=1, soak_s=1, suffix="", scenario="swarm-short", transport="udp", controller=None):
+        """`controller`: lines of the first host about its flight controller."""
         config = self.folder / "ssh_config"
-        hosts = "\n".join(HOST.format(name=it.name, number=it.number, config=config, suffix=suffix) for it in self.hosts)
-        text = FLEET.format(hosts=hosts, flight=flight, soak_s=soak_s, scenario=scenario, **GATE)
+        lines = lambda host: f"{controller}\n" if controller and host.number == 0 else ""
+        hosts = "\n".join(
+            HOST.format(name=it.name, number=it.number, config=config, suffix=suffix, controller=lines(it)) for it in self.hosts
+        )
+        text = FLEET.format(hosts=hosts, flight=flight, soak_s=soak_s, scenario=scenario, transport=transport, **GATE)
         (self.folder / "fleet.toml").write_text(text)
 
     def package(self, version, broken=None):
@@ -191,8 +199,8 @@ def rollback(bench):
 
 
 def broken_releases(bench, kinds):
-    for number, kind in enumerate(kinds):
-        version = f"0.2.{number}"
+    for kind in kinds:
+        version = f"0.2.{list(BROKEN).index(kind)}"
         bench.package(version, kind)
         start = time.monotonic()
         code, report, errors = bench.apply(version)
@@ -207,6 +215,21 @@ def broken_releases(bench, kinds):
         bench.assert_no_half_slots()
         show(f"{kind}: stopped at the canary", took=f"{took:.1f}s", back=f"{back_s:.1f}s", why=report["stopped"])
         (bench.hosts[0].root / "var/lib/muster/full").unlink(missing_ok=True)
+
+
+def dead_controller(bench):
+    """A release that does not reach the flight controller is stopped at the canary, which has one."""
+    simulated = bench.lab.start_on_operator(bench.muster, "fc", "simulate", "--listen", "10.0.0.100:5761")
+    try:
+        bench.write_fleet(controller='controller = "tcp:10.0.0.100:5761"\nreceiver = "sole"')
+        code, report, errors = bench.apply("0.1.2")
+        assert code == 0, (report, errors)
+        broken_releases(bench, ["hears-no-controller"])
+        bench.write_fleet()
+        code, report, errors = bench.apply("0.1.2")
+        assert code == 0, (report, errors)
+    finally:
+        end(simulated)
 
 
 def ill_while_it_soaks(bench):
@@ -335,7 +358,7 @@ def recall(bench):
     """Drones of a flying swarm are called down, a host at a time, the master last; the others elect and fly on."""
     text = (
         'seed = 1\n[formation]\nkind = "linear"\ndrones = 5\nspacing_m = 20\n[mission]\nfile = "hop"\n[radio]\nrange_m = 300\n'
-        '[protocol]\npolicy = "tree"\nparameters = "fast"\n[vehicle]\nspeed_mps = 0.2\n[safety]\navoid = true\n'
+        '[protocol]\npolicy = "tree"\nparameters = "fast"\n[vehicle]\nspeed_mps = 0.4\n[safety]\navoid = true\n'
     )
     (bench.folder / "long.toml").write_text(text)
     bench.write_fleet(flight=4, scenario="long.toml")
@@ -437,10 +460,30 @@ def audit(bench):
         host.ssh("sudo", "systemctl", "kill", "--signal=KILL", f"musterd@{host.number}", suffix="-user")
     hears = lambda it: it and len(next(iter(it["drones"].values()))["health"].get("Healthy", {}).get("proven", []))
     wait_until("drones hear each other through the firewall", lambda: all(hears(it) == 4 for it in bench.status().values()))
+    serial_port_and_quic(bench)
     unit = bench.hosts[0].ssh("sudo", "systemd-analyze", "security", "--no-pager", "musterd@0", suffix="-user")
     exposure = unit.stdout.rsplit(":", 1)[-1].split()[0]
     assert float(exposure) <= 2.0, exposure
     show("audit: from findings to none, ssh works, drones hear each other", findings=len(stock), exposure=exposure)
+
+
+def serial_port_and_quic(bench):
+    """In its sandbox and behind the firewall, a drone reaches its serial port and its peers by QUIC."""
+    host = bench.hosts[0]
+    shutil.copy(bench.muster, host.root / "opt/controller")
+    command = "/opt/controller fc simulate --pty /dev/ttyACM0"
+    host.ssh("sudo", "systemd-run", "--quiet", "--unit=controller", *command.split(), suffix="-user")
+    wait_until("the serial port is there", lambda: host.ssh("test", "-e", "/dev/ttyACM0", check=False, suffix="-user").returncode == 0)
+    # As udev does it for a real one.
+    host.ssh("sudo", "sh", "-c", "'chgrp dialout /dev/ttyACM0 && chmod 660 /dev/ttyACM0'", suffix="-user")
+    # Motors may hang on a serial port: nothing arms them.
+    port = 'controller = "serial:/dev/ttyACM0"\nreceiver = "sole"\nstage = "bench"'
+    bench.write_fleet(suffix="-user", flight=9, transport="quic", controller=port)
+    code, report, errors = bench.apply("0.1.2")
+    assert code == 0, (report, errors)
+    bench.assert_all_run("0.1.2")
+    peers = [len(next(iter(it["drones"].values()))["health"]["Healthy"]["proven"]) for it in bench.status().values()]
+    assert peers == [4] * 5, peers
 
 
 def main():
@@ -463,7 +506,8 @@ def main():
             upgrade(bench)
             steps = {
                 "rollback": lambda: rollback(bench),
-                "broken": lambda: broken_releases(bench, ["crashes-at-start"] if is_short else list(BROKEN)[:-1]),
+                "broken": lambda: broken_releases(bench, ["crashes-at-start"] if is_short else list(BROKEN)[:-2]),
+                "controller": lambda: dead_controller(bench),
                 "soak": lambda: ill_while_it_soaks(bench),
                 "signature": lambda: broken_signature(bench),
                 "cut-off": lambda: operator_cut_off(bench),

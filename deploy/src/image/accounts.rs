@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
+use muster_daemon::audit::DEFAULT_USER as DEFAULT;
 use muster_runtime::diagnostic::{BadInput, read_text};
 
 use super::Card;
 use super::edit::Edit;
 
-/// The user of a stock card.
-const DEFAULT: &str = "pi";
 /// The files that name users first in a line, and whether they may be absent.
 const FILES: [(&str, bool); 6] = [
     ("etc/passwd", false),

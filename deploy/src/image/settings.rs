@@ -1,5 +1,7 @@
 //! What the files of a card say.
 
+use muster_daemon::audit::{CardRecord, DEFAULT_USER, RADIO, RECORD, SET_RATE};
+
 use super::Card;
 
 /// Rates of a fixed-rate network, in Mbit/s: those of 802.11b and g that are whole numbers.
@@ -15,7 +17,7 @@ const MARKS: [&str; 2] = ["# muster deploy image: begin", "# muster deploy image
 pub fn user_name(text: &str) -> Result<String, String> {
     let is_fine = |it: u8| it.is_ascii_lowercase() || it.is_ascii_digit() || b"_-".contains(&it);
     let is_name = text.bytes().all(is_fine) && text.starts_with(|it: char| it.is_ascii_lowercase());
-    if is_name && text.len() <= 32 && !["pi", "root"].contains(&text) {
+    if is_name && text.len() <= 32 && ![DEFAULT_USER, "root"].contains(&text) {
         return Ok(text.to_owned());
     }
     Err("a user's name has up to 32 lower-case letters, digits, _ and -, begins with a letter, and is neither pi nor root".to_owned())
@@ -133,16 +135,20 @@ pub(super) fn files(card: &Card) -> [(&'static str, u32, String); 6] {
     let radio = format!(
         "#!/bin/sh\n# A fixed rate, and no sleep: what is sent at a low rate by itself arrives where links are weak.\n\
          [ \"$1 $2\" = \"wlan0 up\" ] || exit 0\niw dev wlan0 set power_save off\n\
-         iw dev wlan0 set bitrates legacy-2.4 {rate_mbps}\n"
+         {SET_RATE} {rate_mbps}\n"
     );
     let unblock = "[Unit]\nDescription=Radio of a muster host\nBefore=NetworkManager.service\n\n[Service]\nType=oneshot\n\
                    ExecStart=/usr/sbin/rfkill unblock wifi\n\n[Install]\nWantedBy=multi-user.target\n";
     let servers = card
         .time_server
         .map_or_else(String::new, |it| format!("NTP={it}\n"));
-    let facts = serde_json::json!({
-        "name": name, "ssid": ssid, "channel": channel, "rate_mbps": rate_mbps, "country": country,
-    });
+    let record = CardRecord {
+        ssid: ssid.clone(),
+        channel: *channel,
+        rate_mbps: *rate_mbps,
+        country: country.clone(),
+    };
+    let record = serde_json::to_string(&record).expect("a card's record is texts and numbers");
     [
         ("etc/hostname", 0o644, format!("{name}\n")),
         (
@@ -150,7 +156,7 @@ pub(super) fn files(card: &Card) -> [(&'static str, u32, String); 6] {
             0o600,
             network,
         ),
-        ("etc/NetworkManager/dispatcher.d/50-muster", 0o755, radio),
+        (RADIO, 0o755, radio),
         (
             "etc/systemd/system/muster-radio.service",
             0o644,
@@ -161,6 +167,6 @@ pub(super) fn files(card: &Card) -> [(&'static str, u32, String); 6] {
             0o644,
             format!("[Time]\n{servers}"),
         ),
-        ("etc/muster-card.json", 0o644, format!("{facts}\n")),
+        (RECORD, 0o644, format!("{record}\n")),
     ]
 }

@@ -7,6 +7,8 @@ use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use super::card::Prepared;
+
 /// Shells of users that can't log in.
 const NO_SHELLS: [&str; 3] = ["nologin", "false", "sync"];
 
@@ -33,6 +35,8 @@ pub(super) struct Facts {
     pub(super) exposures: BTreeMap<String, u32>,
     /// State of unattended security updates; `None` if nobody asks for them.
     pub(super) updates: Option<Updates>,
+    /// What is known of a Raspberry Pi's card.
+    pub(super) card: Prepared,
 }
 
 /// Unattended security updates.
@@ -63,6 +67,7 @@ impl Facts {
             has_firewall: super::rules::is_firewall(&rules, &ports),
             firewall_starts: unit.trim() == "enabled",
             ssh_ports: ports,
+            card: Prepared::gather(root, &passwd)?,
             open_keys: open_keys(root, &passwd),
             open_ports: open_ports(root),
             exposures: exposures()?,
@@ -76,7 +81,7 @@ impl Facts {
 }
 
 /// Runs a command and returns what it prints, also if it fails.
-fn output(program: &str, arguments: &[&str]) -> io::Result<String> {
+pub(super) fn output(program: &str, arguments: &[&str]) -> io::Result<String> {
     let mut command = Command::new(program);
     command
         .args(arguments)

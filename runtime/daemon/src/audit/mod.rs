@@ -2,6 +2,7 @@
 //!
 //! What is found is judged in pure code (`rules`); a fix is a set of files and commands that can be undone (`fix`).
 
+mod card;
 mod facts;
 mod fix;
 mod rules;
@@ -11,6 +12,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+pub use self::card::{CardRecord, DEFAULT_USER, RADIO, RECORD, SET_RATE};
 use self::facts::Facts;
 pub(crate) use self::fix::{confirm, undo};
 

@@ -25,10 +25,16 @@ pub(super) fn judge(facts: &Facts) -> Vec<Finding> {
     findings.extend(firewall(facts));
     findings.extend(files(facts));
     findings.extend(facts.updates.and_then(updates));
+    findings.extend(facts.card.judge());
     findings
 }
 
-fn finding(rule: &str, what: impl Into<String>, why: &str, undo: impl Into<String>) -> Finding {
+pub(super) fn finding(
+    rule: &str,
+    what: impl Into<String>,
+    why: &str,
+    undo: impl Into<String>,
+) -> Finding {
     Finding {
         rule: rule.to_owned(),
         what: what.into(),
