@@ -20,6 +20,16 @@ impl Failing {
     /// All kinds.
     pub const ALL: [Self; 3] = [Self::Dead, Self::Stuck, Self::Glass];
 
+    /// Its name in commands.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Dead => "dead",
+            Self::Stuck => "stuck",
+            Self::Glass => "glass",
+        }
+    }
+
     /// What the sonar reports; `None` if it doesn't answer.
     pub(crate) const fn echo(self) -> Option<Echo> {
         match self {

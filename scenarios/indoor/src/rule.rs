@@ -43,8 +43,11 @@ impl Touch {
     }
 }
 
-/// Distance to the nearest edge of a cell that is not free, in metres; at most 1 m.
+/// Distance to the nearest edge of a cell that is not free, in metres; at most 1 m. 0 outside of the map.
 pub(crate) fn wall_m(map: &Map, point: MapXy) -> f64 {
+    let Some(Cell { column, row }) = map.cell(point) else {
+        return 0.0;
+    };
     let cell_m = map.resolution_m();
     let near_m = map.distance_m(point);
     // The distance field is between centres of cells: it can't be wrong by more than two cells' diagonals.
@@ -52,9 +55,6 @@ pub(crate) fn wall_m(map: &Map, point: MapXy) -> f64 {
     if near_m - slack_m > MEASURED_M {
         return MEASURED_M;
     }
-    let Some(Cell { column, row }) = map.cell(point) else {
-        return 0.0;
-    };
     let reach = ((near_m + slack_m).min(MEASURED_M) / cell_m).ceil() as usize + 1;
     let seen = map.origin().sight(point);
     let mut nearest_m = MEASURED_M;
@@ -87,4 +87,23 @@ pub(crate) fn person_touch(drone: MapXy, velocity: (f64, f64), person: &Person) 
         Touched::Person
     };
     (away_m - RADIUS_M, what)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_drone_off_the_map_or_nowhere_has_no_clearance() {
+        let map = Map::from_text("....\n....\n....", 1.0).unwrap();
+        assert!(wall_m(&map, MapXy::new(2.0, 1.5)) > 0.9);
+        for (x_m, y_m) in [
+            (-0.1, 1.5),
+            (2.0, 3.1),
+            (f64::NAN, 1.5),
+            (f64::INFINITY, 1.5),
+        ] {
+            assert!(wall_m(&map, MapXy::new(x_m, y_m)) <= 0.0, "{x_m}, {y_m}");
+        }
+    }
 }

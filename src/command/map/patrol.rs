@@ -52,17 +52,28 @@ const SONARS: usize = 5;
 fn failing(text: &str) -> Result<(usize, Failing), String> {
     let parsed = text.split_once('=').and_then(|(sonar, how)| {
         let sonar = sonar.parse().ok().filter(|it| *it < SONARS)?;
-        let how = match how {
-            "dead" => Failing::Dead,
-            "stuck" => Failing::Stuck,
-            "glass" => Failing::Glass,
-            _ => return None,
-        };
+        let how = Failing::ALL.into_iter().find(|it| it.name() == how)?;
         Some((sonar, how))
     });
     parsed.ok_or_else(|| {
         "a sonar from 0 to 4 and `dead`, `stuck` or `glass`, as in 2=dead".to_owned()
     })
+}
+
+/// The command that repeats a campaign.
+fn command(arguments: &Arguments) -> String {
+    let (flat, seeds) = (arguments.flat.display(), arguments.seeds);
+    let fail = arguments.fail.iter();
+    let fail: Vec<String> = fail
+        .map(|(sonar, how)| format!("{sonar}={}", how.name()))
+        .collect();
+    match fail.as_slice() {
+        [] => format!("muster map patrol {flat} --seeds {seeds}"),
+        fail => format!(
+            "muster map patrol {flat} --seeds {seeds} --fail {}",
+            fail.join(",")
+        ),
+    }
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
@@ -96,12 +107,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             ..Setup::seeded(seed)
         },
     );
-    let command = format!(
-        "muster map patrol {} --seeds {}",
-        arguments.flat.display(),
-        arguments.seeds
-    );
-    let page = page::patrol(&prepared, &campaign, &first, &command);
+    let page = page::patrol(&prepared, &campaign, &first, &command(arguments));
     let written = place::write(
         arguments.out.as_deref(),
         &prepared.flat.name,

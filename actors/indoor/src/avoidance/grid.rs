@@ -6,6 +6,8 @@ pub const CELL_M: f64 = 0.05;
 pub const SIDE: usize = 81;
 /// Cells from the drone to the edge.
 pub(super) const REACH: i64 = SIDE as i64 / 2;
+/// Index of the drone's own cell.
+const OWN: usize = SIDE * SIDE / 2;
 /// Highest certainty of a cell (Borenstein and Koren, histogramic in-motion mapping, 1991).
 pub const CERTAINTY_MAX: u8 = 15;
 /// What an echo adds to a cell (same source).
@@ -105,17 +107,25 @@ impl CertaintyGrid {
         self.index_at(x_m, y_m).map_or(0, |index| self.cells[index])
     }
 
-    /// The cells with any certainty: index and certainty.
+    /// The cells with any certainty: index and certainty. The drone's own has no direction, and is left out.
     pub(super) fn occupied(&self) -> impl Iterator<Item = (usize, u8)> + '_ {
         with_certainty(&self.cells, 0)
     }
 
-    /// As [`Self::occupied`], without the rows that are farther than `reach_m` from the drone.
-    pub(super) fn occupied_near(&self, reach_m: f64) -> impl Iterator<Item = (usize, u8)> + '_ {
+    /// Calls `visit` with each cell of [`Self::occupied`] in the square that reaches `reach_m` from the drone.
+    pub(super) fn visit_near(&self, reach_m: f64, mut visit: impl FnMut(usize, u8)) {
         let reach = ((reach_m / CELL_M).ceil() as i64).clamp(0, REACH);
-        let from = (REACH - reach) as usize * SIDE;
-        let to = (REACH + reach + 1) as usize * SIDE;
-        with_certainty(&self.cells[from..to], from)
+        let (from, end) = ((REACH - reach) as usize, (REACH + reach + 1) as usize);
+        let mut visit_all = |first: usize, end: usize| {
+            with_certainty(&self.cells[first..end], first)
+                .for_each(|(index, certainty)| visit(index, certainty));
+        };
+        if reach == REACH {
+            return visit_all(0, SIDE * SIDE);
+        }
+        for row in from..end {
+            visit_all(row * SIDE + from, row * SIDE + end);
+        }
     }
 
     fn index_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
@@ -124,7 +134,7 @@ impl CertaintyGrid {
     }
 }
 
-/// The cells that are not 0, from index `first` on; eight empty ones cost one comparison.
+/// The cells that are not 0, from index `first` on, without the drone's own; eight empty ones cost one comparison.
 fn with_certainty(cells: &[u8], first: usize) -> impl Iterator<Item = (usize, u8)> + '_ {
     let (chunks, rest) = cells.as_chunks::<8>();
     let at_end = (first + chunks.len() * 8..).zip(rest.iter().copied());
@@ -135,7 +145,7 @@ fn with_certainty(cells: &[u8], first: usize) -> impl Iterator<Item = (usize, u8
         .flat_map(|(chunk, at)| (at..).zip(chunk.iter().copied()));
     in_chunks
         .chain(at_end)
-        .filter(|(_, certainty)| *certainty > 0)
+        .filter(|(index, certainty)| *certainty > 0 && *index != OWN)
 }
 
 fn cell_of(x_m: f64, y_m: f64) -> (i64, i64) {

@@ -94,17 +94,19 @@ impl Cones {
         }
     }
 
-    /// The likelihood of a range, or of silence, for each range that may be expected; the logarithm, 0 for the best.
+    /// The likelihood of a range, or of silence, for each range that may be expected; the logarithm, 0 for the best. The sensor
+    /// hears nothing from beyond `range_max_m`.
     ///
     /// Source: S. Thrun, W. Burgard, D. Fox, *Probabilistic Robotics*, 2005, section 6.3, with the cone's range in the place
     /// of the ray's. A silent cone is explained by a free way or by a lost echo.
-    pub(super) fn curve(&self, range_m: Option<f64>, config: &Config) -> Curve {
+    pub(super) fn curve(&self, range_m: Option<f64>, range_max_m: f64, config: &Config) -> Curve {
         let rand = config.cone_z_rand * self.step_m / config.cone_range_max_m;
         let width = (config.cone_sigma_m / self.step_m) as f32;
         let likelihoods: Curve = std::array::from_fn(|step| {
             let is_free = step == usize::from(FREE);
             let Some(range_m) = range_m else {
-                return if is_free { 1.0 } else { config.z_max as f32 };
+                let is_beyond = is_free || step as f64 * self.step_m > range_max_m;
+                return if is_beyond { 1.0 } else { config.z_max as f32 };
             };
             let measured = (range_m / self.step_m) as f32;
             let off = (measured - step as f32) / width;
@@ -221,11 +223,20 @@ mod tests {
     fn likelihood_is_greatest_at_the_measured_range_and_short_readings_are_likelier_than_long_ones()
     {
         let cones = cones();
-        let curve = cones.curve(Some(2.0), &Config::default());
+        let curve = cones.curve(Some(2.0), 4.0, &Config::default());
         let at = |range_m: f64| curve[(range_m / cones.step_m) as usize];
         assert!(at(2.0) > -0.05);
         assert!(at(3.5) > at(0.5) + 0.5);
-        let silent = cones.curve(None, &Config::default());
+        let silent = cones.curve(None, 4.0, &Config::default());
         assert!(silent[255] > silent[100]);
+    }
+
+    #[test]
+    fn silence_is_expected_of_walls_beyond_the_sensors_own_range() {
+        let cones = cones();
+        let silent = cones.curve(None, 2.0, &Config::default());
+        let at = |range_m: f64| silent[(range_m / cones.step_m) as usize];
+        assert!((at(3.0) - silent[255]).abs() < 1e-6);
+        assert!(at(1.0) < silent[255] - 1.0);
     }
 }

@@ -67,10 +67,17 @@ pub struct Config {
     /// Once lost, the drone is lost until the share is at least this. In the Málaga data 97 % of wrong poses that hold half of
     /// the weight are below, and 91 % of true ones above.
     pub fit_regained: f64,
-    /// Rate at which the long average of the fit follows.
-    pub recovery_alpha_slow: f64,
-    /// Rate at which the short average of the fit follows. AMCL's default is 0.1, for ten scans a second.
-    pub recovery_alpha_fast: f64,
+    /// How a drone that was carried away is looked for; `None` if it never is.
+    pub recovery_alpha: Option<RecoveryAlpha>,
+}
+
+/// The rates of two averages of the fit. Particles start anywhere while the short one is below the long one.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RecoveryAlpha {
+    /// Rate at which the long average follows. AMCL's `recovery_alpha_slow`.
+    pub slow: f64,
+    /// Rate at which the short average follows. AMCL's `recovery_alpha_fast`; its default is 0.1, for ten scans a second.
+    pub fast: f64,
 }
 
 /// How what the odometry counts moves.
@@ -121,8 +128,10 @@ impl Default for Config {
             cone_z_rand: 0.1,
             fit_found: 0.8,
             fit_regained: 0.88,
-            recovery_alpha_slow: 0.01,
-            recovery_alpha_fast: 0.5,
+            recovery_alpha: Some(RecoveryAlpha {
+                slow: 0.01,
+                fast: 0.5,
+            }),
         }
     }
 }

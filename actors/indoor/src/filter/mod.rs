@@ -29,7 +29,7 @@ use rand_chacha::rand_core::SeedableRng;
 use crate::frames::MapPose;
 use crate::reading::Reading;
 use bins::kld_size;
-pub use config::{Config, OdomModel};
+pub use config::{Config, OdomModel, RecoveryAlpha};
 use estimate::{Cluster, Histogram};
 pub use motion::Moved;
 use noise::Noise;
@@ -136,20 +136,25 @@ impl Filter {
             self.config.fit_found
         };
         self.is_lost = self.is_searching || self.recovery.fit() < fit_min;
-        self.draw();
+        // Readings alone tell that the drone may be elsewhere.
+        let elsewhere = if observation.len() > 0 {
+            self.recovery.elsewhere(self.config.fit_found)
+        } else {
+            0.0
+        };
+        self.draw(elsewhere);
         self.estimate(&cluster, count)
     }
 
-    /// Draws as many particles as their spread asks for; some from anywhere if the readings no longer fit.
-    fn draw(&mut self) {
+    /// Draws as many particles as their spread asks for; a share of the most that there may be starts anywhere.
+    fn draw(&mut self, elsewhere: f64) {
         let config = &self.config;
         let count = self.particles.len();
         weight::draw(&self.weights, count, self.noise.uniform(), &mut self.drawn);
         let bins = self.histogram.occupied(&self.particles, &self.drawn);
         let wanted = kld_size(bins, config.kld_err, config.kld_z);
         let wanted = wanted.clamp(config.min_particles, config.max_particles);
-        let elsewhere =
-            (self.recovery.elsewhere(config.fit_found) * config.max_particles as f64) as usize;
+        let elsewhere = (elsewhere * config.max_particles as f64) as usize;
         let wanted = wanted.min(config.max_particles - elsewhere);
         weight::draw(&self.weights, wanted, self.noise.uniform(), &mut self.drawn);
         self.next.clear();

@@ -7,7 +7,7 @@ use super::config::Config;
 use super::field::{BLOCK, Curve};
 use super::particles::Particles;
 use super::tables::Tables;
-use crate::reading::Reading;
+use crate::reading::{Mounting, Reading};
 
 /// Narrower cones are rays, radians: 5°.
 const RAY_APERTURE_MAX_RAD: f64 = 0.087;
@@ -47,17 +47,20 @@ impl Observation {
             .collect();
         let beams = rays.len().min(beams_max);
         let cone = |reading: &Reading| {
+            let Mounting { range_max_m, .. } = reading.mounting;
             let range_m = reading.range_m(now);
             if range_m.is_none() && !reading.is_silent(now) {
                 return None;
             }
+            // What is farther away than the tables reach is as good as nothing.
+            let range_m = range_m.filter(|it| *it <= config.cone_range_max_m);
             Some(Cone {
                 at: (
                     cells(reading.mounting.at.x_m),
                     cells(reading.mounting.at.y_m),
                 ),
                 bearing: reading.mounting.bearing_rad as f32,
-                curve: tables.cones.as_ref()?.curve(range_m, config),
+                curve: tables.cones.as_ref()?.curve(range_m, range_max_m, config),
             })
         };
         let cones = readings.iter().filter(is_cone).filter_map(cone);

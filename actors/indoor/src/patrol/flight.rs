@@ -141,7 +141,7 @@ impl Flight {
             ..Velocity::default()
         };
         match order {
-            _ if place.is_lost() => turn(LOOK_RPS / 2.0),
+            Order::Search => turn(LOOK_RPS / 2.0),
             Order::Look => turn(LOOK_RPS),
             Order::Wait | Order::Done | Order::GiveUp(_) => turn(0.0),
             Order::Fly { to, left_m } => {

@@ -31,7 +31,7 @@ use self::place::Place;
 use self::route::{Order, Route};
 use self::sonars::Sonars;
 use crate::coverage::Seen;
-use crate::reading::Reading;
+use crate::reading::{Echo, Mounting, Reading};
 
 /// Most readings that wait for the next step; the oldest goes first.
 const READINGS_MAX: usize = 64;
@@ -115,6 +115,8 @@ impl Patrol {
         }
         let order = if self.lands(now) {
             Order::Done
+        } else if self.place.is_lost() {
+            Order::Search
         } else {
             self.route.next(now, &self.config, &self.place, &self.seen)
         };
@@ -132,11 +134,14 @@ impl Patrol {
         self.report(now, order == Order::Done);
     }
 
-    /// Whether the drone ends the patrol where it is: no sonar has worked for [`LANDS_AFTER`], though it turned.
+    /// Whether the drone ends the patrol where it is: no sonar has worked for [`LANDS_AFTER`], though it turned, or the pose is
+    /// not found again.
     fn lands(&mut self, now: Timestamp) -> bool {
         if self.sonars.leading_rad(now).is_some() {
             self.heard = now;
-        } else if !self.has_landed && now.since(self.heard) >= LANDS_AFTER {
+        }
+        let is_helpless = now.since(self.heard) >= LANDS_AFTER || self.place.is_lost_for_good();
+        if is_helpless && !self.has_landed {
             self.has_landed = true;
             self.event(Event::Landing);
         }
@@ -161,6 +166,20 @@ impl Patrol {
     }
 }
 
+/// A reading; failed if its range is none that its sensor can measure.
+fn checked(reading: Reading) -> Reading {
+    let Mounting {
+        range_min_m,
+        range_max_m,
+        ..
+    } = reading.mounting;
+    let echo = match reading.echo {
+        Echo::At(range_m) if !(range_min_m..=range_max_m).contains(&range_m) => Echo::Failed,
+        echo => echo,
+    };
+    Reading { echo, ..reading }
+}
+
 impl Machine for Patrol {
     type Input = Input;
     type Transmit = Transmit;
@@ -173,7 +192,7 @@ impl Machine for Patrol {
                 if self.readings.len() == READINGS_MAX {
                     self.readings.pop_front();
                 }
-                self.readings.push_back(reading);
+                self.readings.push_back(checked(reading));
             }
         }
     }

@@ -17,13 +17,20 @@ use crate::reading::Reading;
 const START: Vector3<f64> = Vector3::new(0.1, 0.1, 0.05);
 /// Steps in a row that the filter must be lost before the drone stops for it: people before the sonars pass.
 const LOST_STEPS: u32 = 30;
+/// Steps in a row that the filter must know the pose before the drone flies by it again.
+const FOUND_STEPS: u32 = 20;
+/// Steps that the pose is lost before it is looked for on the whole map, each time: two thirds of a turn.
+const SEARCH_STEPS: u32 = 100;
+/// Steps after which a lost pose is given up.
+const LOST_FOR_GOOD_STEPS: u32 = 600;
 
 /// Parameters of the filter for a drone with five sonars of 8 Hz each and an optical flow's odometry.
 #[must_use]
 pub(super) fn filter_config() -> filter::Config {
     filter::Config {
         min_particles: 200,
-        max_particles: 1_000,
+        // For a pose that is looked for on the whole map; once it is known, some hundreds are drawn.
+        max_particles: 5_000,
         // Ten steps a second: a turn of 180° errs by 3°, a metre by 5 cm.
         odom_model: OdomModel::Omni,
         alpha1: 0.01,
@@ -34,9 +41,8 @@ pub(super) fn filter_config() -> filter::Config {
         // People stand before sonars.
         fit_found: 0.4,
         fit_regained: 0.4,
-        // No particles from elsewhere: one that fits five sonars by chance is taken for the drone. It starts at a known pose.
-        recovery_alpha_slow: 0.05,
-        recovery_alpha_fast: 0.05,
+        // One particle from elsewhere that fits five sonars by chance would be taken for the drone, which starts at a known pose.
+        recovery_alpha: None,
         ..filter::Config::default()
     }
 }
@@ -69,6 +75,10 @@ pub(super) struct Place {
     /// As of that step.
     pose: MapPose,
     covariance: Matrix3<f64>,
+    is_lost: bool,
+    /// Steps in a row in which the filter says otherwise.
+    otherwise: u32,
+    /// Steps since the pose was lost.
     lost_steps: u32,
 }
 
@@ -83,20 +93,37 @@ impl Place {
             Some(checkpoint) => since(now, config, checkpoint),
             None => (config.start, diagonal(START)),
         };
+        let is_lost = checkpoint.is_some_and(|it| it.is_lost);
+        // A new filter's particles are anywhere.
         let mut filter = Filter::new(Arc::clone(&config.tables), filter_config(), seed);
-        filter.start_at(pose, covariance);
+        if !is_lost {
+            filter.start_at(pose, covariance);
+        }
         Self {
             odometry: OdometryPose::new(0.0, 0.0, 0.0),
             stepped: OdometryPose::new(0.0, 0.0, 0.0),
             filter,
             pose,
             covariance,
+            is_lost,
+            otherwise: 0,
             lost_steps: 0,
         }
     }
 
+    /// Adds a motion to the odometry. One that is no number would spoil the pose for good; it is ignored.
     pub(super) fn moved(&mut self, motion: Motion) {
-        self.odometry = self.odometry.moved(motion);
+        let Motion {
+            forward_m,
+            left_m,
+            turn_rad,
+        } = motion;
+        if [forward_m, left_m, turn_rad]
+            .iter()
+            .all(|it| it.is_finite())
+        {
+            self.odometry = self.odometry.moved(motion);
+        }
     }
 
     /// Takes in the readings since the last step.
@@ -107,11 +134,32 @@ impl Place {
         let estimate = self.filter.step(Moved::Odometry(motion), readings, now);
         self.pose = estimate.pose;
         self.covariance = estimate.covariance;
-        self.lost_steps = if estimate.is_lost {
-            self.lost_steps.saturating_add(1)
+        self.judge(estimate.is_lost);
+    }
+
+    /// Whether the pose is lost, from what the filter says of it; looks for a lost one on the whole map.
+    fn judge(&mut self, filter_is_lost: bool) {
+        let steps = if self.is_lost {
+            FOUND_STEPS
         } else {
-            0
+            LOST_STEPS
         };
+        self.otherwise = if filter_is_lost == self.is_lost {
+            0
+        } else {
+            self.otherwise + 1
+        };
+        if self.otherwise >= steps {
+            self.is_lost = filter_is_lost;
+            self.otherwise = 0;
+            self.lost_steps = 0;
+        }
+        if self.is_lost {
+            self.lost_steps = self.lost_steps.saturating_add(1);
+            if self.otherwise == 0 && self.lost_steps.is_multiple_of(SEARCH_STEPS) {
+                self.filter.start_anywhere();
+            }
+        }
     }
 
     pub(super) const fn odometry(&self) -> OdometryPose {
@@ -127,6 +175,11 @@ impl Place {
     }
 
     pub(super) const fn is_lost(&self) -> bool {
-        self.lost_steps >= LOST_STEPS
+        self.is_lost
+    }
+
+    /// Whether the pose has been lost for so long that it will hardly be found.
+    pub(super) const fn is_lost_for_good(&self) -> bool {
+        self.lost_steps >= LOST_FOR_GOOD_STEPS
     }
 }

@@ -45,6 +45,8 @@ pub(super) enum Order {
     Fly { to: MapXy, left_m: f64 },
     /// Turn on the spot.
     Look,
+    /// Turn slowly on the spot: the pose is lost.
+    Search,
     /// Hover.
     Wait,
     /// Hover; this stop is given up.

@@ -115,12 +115,11 @@ impl Sonars {
         let working = self.all.iter().filter(|sonar| sonar.works(now));
         let now = Duration::from_nanos(now.as_nanos());
         let words = working.filter_map(|sonar| sonar.last.filter(|it| now < it.expires));
-        let heard = words.filter(|reading| reading.echo != Echo::Failed);
         let watch = |reading: Reading| Watch {
             mounting: reading.mounting,
             echo: reading.echo,
         };
-        heard.map(watch).collect()
+        words.map(watch).collect()
     }
 
     /// The axis of the working sonar that looks most nearly forward, in radians from forward: it is turned to the course.
@@ -141,10 +140,12 @@ impl Sonar {
     }
 
     fn hear(&mut self, now: Timestamp, map: &Map, pose: MapPose, reading: &Reading) {
-        self.last = Some(*reading);
-        if reading.echo != Echo::Failed {
-            self.heard = now;
+        // A failed measurement says nothing: what was heard before holds until it expires.
+        if reading.echo == Echo::Failed {
+            return;
         }
+        self.last = Some(*reading);
+        self.heard = now;
         match sign(map, pose, reading) {
             Sign::Works => {
                 self.echoed = Some(now);
