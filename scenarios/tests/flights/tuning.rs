@@ -1,5 +1,7 @@
 //! Gains from a hover test, beside the default ones: hover and square of aircraft that are not the one the defaults are for.
 
+#![allow(clippy::print_stdout, reason = "figures are printed on demand")]
+
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
 use muster_machines::msp::controller::Gains;
