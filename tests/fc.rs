@@ -149,8 +149,10 @@ fn tune_prints_a_table_that_a_scenario_takes() {
     assert_eq!(gains.len(), 9);
     let hover = gains["hover_throttle"].as_float().unwrap();
     assert!((hover - 0.3).abs() < 0.03, "{hover}");
-    let set = |(name, value)| format!("vehicle.gains.{name}={value}");
-    let sets: Vec<String> = gains.iter().map(set).collect();
+    let sets: Vec<String> = gains
+        .iter()
+        .map(|(name, value)| format!("vehicle.gains.{name}={value}"))
+        .collect();
     let mut arguments = vec!["sim", "betaflight-hover", "--json", "--out"];
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().join("run");

@@ -13,6 +13,7 @@ use muster_scenarios::scenario::ControllerFault;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
 use crate::PoseSource;
+use crate::pilot::LivePilot;
 
 /// Longest time without a look at the line.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -59,6 +60,27 @@ impl LiveController {
             let mut live = lock(&live);
             let now = live.recover();
             Some(live.faulty.controller.aircraft(now).position)
+        })
+    }
+
+    /// A pilot at its receiver, until it is dropped.
+    ///
+    /// # Errors
+    /// If the system starts no thread.
+    pub(crate) fn start_pilot(&self) -> io::Result<LivePilot> {
+        let (seen, moved) = (Arc::downgrade(&self.0), Arc::downgrade(&self.0));
+        let see = move || {
+            let live = seen.upgrade()?;
+            let mut live = lock(&live);
+            let now = live.recover();
+            Some(live.faulty.controller.aircraft(now))
+        };
+        LivePilot::start(see, move |channels| {
+            if let Some(live) = moved.upgrade() {
+                let mut live = lock(&live);
+                let now = live.recover();
+                live.faulty.controller.pilot(now, Some(channels));
+            }
         })
     }
 

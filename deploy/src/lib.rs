@@ -6,6 +6,7 @@ mod drone_file;
 pub mod firmware;
 pub mod hosts;
 pub mod image;
+mod pilot;
 mod pose;
 pub mod promotion;
 pub mod release;

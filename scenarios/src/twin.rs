@@ -128,6 +128,12 @@ impl Twin {
         self.mirror.loss_changes()
     }
 
+    /// Whether a drone is on its way from the ground to its slot.
+    #[must_use]
+    pub fn is_to_take_off(&self, drone: NodeId) -> bool {
+        self.mirror.is_to_take_off(drone)
+    }
+
     /// Whether the flight is over: no vehicle is in the air any more, or the time is up.
     #[must_use]
     pub fn is_flown(&self) -> bool {

@@ -4,6 +4,7 @@ use std::io::{self, Read, Write};
 use std::net::TcpStream;
 use std::time::{Duration, Instant};
 
+use muster_machines::msp::controller::Receiver;
 use muster_msp::{Decode, Decoder, Message, Rc, SetRawRc, Sticks, Version, order, request};
 
 use super::MSP;
@@ -15,20 +16,35 @@ const TAKES_RC_WITHIN: Duration = Duration::from_secs(4);
 /// What ends an answer.
 const PROMPT: &[u8] = b"\r\n# ";
 
-/// The settings: one command a line.
-fn settings() -> impl Iterator<Item = &'static str> {
+/// MSP is the only receiver: ANGLE is on AUX2.
+const SOLE: [&str; 1] = ["aux 1 1 1 1300 2100 0 0"];
+/// A pilot's receiver: ANGLE is always on, AUX3 lets MSP replace roll, pitch, throttle and yaw.
+const OVERRIDE: [&str; 4] = [
+    "aux 1 1 1 900 2100 0 0",
+    "aux 2 50 2 1700 2100 0 0",
+    "set msp_override_channels_mask = 15",
+    "set msp_override_failsafe = OFF",
+];
+
+/// The settings for a receiver: one command a line.
+fn settings(receiver: Receiver) -> impl Iterator<Item = &'static str> {
     let lines = include_str!("settings.txt").lines().map(str::trim);
-    lines.filter(|line| !line.is_empty() && !line.starts_with('#'))
+    let own: &[&str] = match receiver {
+        Receiver::Sole => &SOLE,
+        Receiver::Override => &OVERRIDE,
+    };
+    let lines = lines.filter(|line| !line.is_empty() && !line.starts_with('#'));
+    lines.chain(own.iter().copied())
 }
 
 /// Sets the firmware up and saves that, which ends it.
-pub(super) fn set_up() -> io::Result<()> {
+pub(super) fn set_up(receiver: Receiver) -> io::Result<()> {
     let mut stream = connect()?;
     // Until its port has been served once it loses what it is told.
     std::thread::sleep(Duration::from_millis(300));
     stream.write_all(b"#")?;
     answer(&mut stream)?;
-    for line in settings() {
+    for line in settings(receiver) {
         stream.write_all(format!("{line}\n").as_bytes())?;
         let answer = answer(&mut stream)?;
         if answer.contains("###ERROR") || answer.contains("Invalid") {

@@ -7,7 +7,7 @@ mod network;
 
 use std::fs::File;
 use std::io;
-use std::net::{Shutdown, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,16 +15,22 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use muster_controller::{Config, InLoop, Truth};
+use muster_controller::{CHANNELS, Config, InLoop, Truth};
+use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
 use tempfile::TempDir;
 
 use self::network::Network;
 use crate::PoseSource;
 use crate::controller::{lock, wait};
+use crate::pilot::LivePilot;
 
 /// Where the firmware listens for MSP, in its network.
 const MSP: &str = "127.0.0.1:5761";
+/// Where it listens for the pilot's radio, in its network, and the channels of a frame.
+const RADIO: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 9004);
+/// As above.
+const RADIO_CHANNELS: usize = 16;
 /// How long the firmware may take until it listens.
 const LISTENS_WITHIN: Duration = Duration::from_secs(5);
 /// How long it may take to end.
@@ -37,8 +43,10 @@ const PAUSE: Duration = Duration::from_millis(100);
 /// How a firmware is to run.
 #[derive(Debug, Clone)]
 pub struct Setup {
-    /// The program: Betaflight's software build. MSP is its only receiver.
+    /// The program: Betaflight's software build.
     pub program: PathBuf,
+    /// Whether MSP is its only receiver, or a pilot has another.
+    pub receiver: Receiver,
     /// Where its aircraft stands, and the errors of its sensors.
     pub config: Config,
     /// Draws these errors.
@@ -54,6 +62,8 @@ pub struct Firmware {
     started: Instant,
     network: Arc<Network>,
     process: Child,
+    /// `None` without a pilot's receiver.
+    pilot: Option<LivePilot>,
     is_over: Arc<AtomicBool>,
     _folder: TempDir,
 }
@@ -77,7 +87,7 @@ impl Firmware {
 
     fn try_start(setup: &Setup, folder: &Path) -> io::Result<(Child, Network)> {
         let (mut process, network) = launch(&setup.program, folder)?;
-        let configured = network.inside(configure::set_up);
+        let configured = network.inside(|| configure::set_up(setup.receiver));
         // Saved settings end the program; now and then it hangs instead, with its settings saved.
         if configured.is_err() || !ends(&mut process)? {
             stop(&mut process);
@@ -94,11 +104,12 @@ impl Firmware {
     fn fly(setup: Setup, folder: TempDir, process: Child, network: Network) -> io::Result<Self> {
         let started = Instant::now();
         let aircraft = InLoop::new(setup.config, setup.seed, Timestamp::ZERO);
-        let firmware = Self {
+        let mut firmware = Self {
             aircraft: Arc::new(Mutex::new(aircraft)),
             started,
             network: Arc::new(network),
             process,
+            pilot: None,
             is_over: Arc::new(AtomicBool::new(false)),
             _folder: folder,
         };
@@ -106,6 +117,9 @@ impl Firmware {
         let aircraft = Arc::downgrade(&firmware.aircraft);
         let thread = thread::Builder::new().name("aircraft".to_owned());
         thread.spawn(move || body::run(&aircraft, started, &socket))?;
+        if setup.receiver == Receiver::Override {
+            firmware.pilot = Some(firmware.start_pilot()?);
+        }
         if let Some(source) = setup.pose {
             let aircraft = Arc::downgrade(&firmware.aircraft);
             source.start(move || {
@@ -114,6 +128,27 @@ impl Firmware {
             })?;
         }
         Ok(firmware)
+    }
+
+    /// The pilot's radio, which the firmware hears beside MSP.
+    fn start_pilot(&self) -> io::Result<LivePilot> {
+        let radio = self
+            .network
+            .inside(|| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)))?;
+        let (aircraft, started) = (Arc::downgrade(&self.aircraft), self.started);
+        let see = move || {
+            let now = Timestamp::ZERO + started.elapsed();
+            Some(lock(&*aircraft.upgrade()?).aircraft(now))
+        };
+        // A frame that the firmware misses is followed by the next.
+        LivePilot::start(see, move |channels| {
+            drop(radio.send_to(&frame(started.elapsed(), channels), RADIO));
+        })
+    }
+
+    /// Its pilot. `None` without a pilot's receiver.
+    pub(crate) const fn pilot(&self) -> Option<&LivePilot> {
+        self.pilot.as_ref()
     }
 
     /// The truth about its aircraft now.
@@ -151,6 +186,18 @@ impl Drop for Firmware {
         self.is_over.store(true, Ordering::Relaxed);
         stop(&mut self.process);
     }
+}
+
+/// A frame of the pilot's radio: the time in seconds as `f64`, then the channels in µs as `u16`; little-endian. The throttle
+/// comes before yaw, as the setting `map AETR1234` says.
+fn frame(at: Duration, channels: &[u16; CHANNELS]) -> Vec<u8> {
+    let mut channels = *channels;
+    channels.swap(2, 3);
+    let time = at.as_secs_f64().to_le_bytes();
+    let channels = channels[..RADIO_CHANNELS].iter();
+    time.into_iter()
+        .chain(channels.flat_map(|it| it.to_le_bytes()))
+        .collect()
 }
 
 /// Carries bytes until either end is closed.

@@ -11,6 +11,7 @@ use std::time::Duration;
 use muster_controller::{Sticks, Truth};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
 use muster_port::raise_priority;
 use muster_runtime::plan::Plan;
@@ -21,6 +22,7 @@ use muster_scenarios::scenario::{ControllerFault, Scenario};
 use crate::PoseSource;
 use crate::controller::LiveController;
 use crate::firmware::{Firmware, Setup};
+use crate::pilot::LivePilot;
 
 /// The ports of each drone's controller. Empty if vehicles are in closed form.
 pub(super) type Ports = BTreeMap<NodeId, Port>;
@@ -65,7 +67,8 @@ pub(super) fn open_ports(plan: &Plan) -> io::Result<Ports> {
 /// What a controller is.
 #[derive(Debug)]
 enum Kind {
-    Simulated(LiveController),
+    /// With a pilot, if there is a pilot's receiver.
+    Simulated(LiveController, Option<LivePilot>),
     Firmware(Firmware),
 }
 
@@ -88,6 +91,7 @@ impl Kind {
         if let Some(program) = firmware {
             let firmware = Firmware::start(Setup {
                 program: program.to_owned(),
+                receiver: plan.receiver,
                 config,
                 seed,
                 pose,
@@ -108,12 +112,14 @@ impl Kind {
             let _ = raise_priority();
             server.listen(&port.listener, drop)
         })?;
-        Ok(Self::Simulated(controller))
+        let has_pilot = plan.receiver == Receiver::Override;
+        let pilot = has_pilot.then(|| controller.start_pilot()).transpose()?;
+        Ok(Self::Simulated(controller, pilot))
     }
 
     fn truth(&self) -> Truth {
         match self {
-            Self::Simulated(controller) => controller.truth(),
+            Self::Simulated(controller, _) => controller.truth(),
             Self::Firmware(firmware) => firmware.truth(),
         }
     }
@@ -121,8 +127,15 @@ impl Kind {
     /// The sticks since the last call. `None` from firmware: it gets them by itself.
     fn take_sticks(&self) -> Option<Sticks> {
         match self {
-            Self::Simulated(controller) => Some(controller.take_sticks()),
+            Self::Simulated(controller, _) => Some(controller.take_sticks()),
             Self::Firmware(_) => None,
+        }
+    }
+
+    const fn pilot(&self) -> Option<&LivePilot> {
+        match self {
+            Self::Simulated(_, pilot) => pilot.as_ref(),
+            Self::Firmware(firmware) => firmware.pilot(),
         }
     }
 }
@@ -178,10 +191,28 @@ impl Controllers {
         })
     }
 
+    /// The drones' pilots, if there are any, see which drones are to take off.
+    pub(super) fn show_pilots(&self, is_to_take_off: impl Fn(NodeId) -> bool) {
+        for (id, flown) in &self.0 {
+            if let Some(pilot) = flown.controller.pilot() {
+                pilot.show(is_to_take_off(*id));
+            }
+        }
+    }
+
     /// Injects a fault.
     pub(super) fn affect(&self, drone: NodeId, fault: ControllerFault, lasts: Option<Duration>) {
-        if let Some(Kind::Simulated(controller)) = self.0.get(&drone).map(|it| &it.controller) {
-            controller.affect(fault, lasts);
+        let Some(controller) = self.0.get(&drone).map(|it| &it.controller) else {
+            return;
+        };
+        match (fault, controller) {
+            (ControllerFault::TakeOver, _) => {
+                if let Some(pilot) = controller.pilot() {
+                    pilot.take_over();
+                }
+            }
+            (_, Kind::Simulated(controller, _)) => controller.affect(fault, lasts),
+            (_, Kind::Firmware(_)) => {}
         }
     }
 }

@@ -1,7 +1,6 @@
 //! One flight of a swarm of processes, from start to end.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
@@ -55,8 +54,9 @@ pub(super) async fn fly(
         // Every drone heard every other.
         report.never_met.clear();
     }
-    let firmware = request.firmware.and_then(Path::file_name);
-    report.firmware = firmware.map(|it| it.to_string_lossy().into_owned());
+    if let Some(program) = request.firmware {
+        report.set_firmware(program);
+    }
     report.clock_uncertainty_s = uncertainty.map(|it| it.as_secs_f64());
     Ok((report, flight))
 }
@@ -256,6 +256,7 @@ impl<'a> Swarm<'a> {
             self.apply_process_states();
             self.inject_faults();
         }
+        (self.controllers).show_pilots(|drone| self.twin.is_to_take_off(drone));
         self.send_losses();
     }
 

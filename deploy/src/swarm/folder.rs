@@ -15,7 +15,7 @@ use super::controllers::{Port, Ports};
 use super::{Request, SwarmError};
 use crate::drone_file::{DroneFile, Keys, LogFormat, Observe};
 use crate::hosts::{Host, Hosts, Reach};
-use muster_daemon::config::{ReceiverName, StageName, TransportName};
+use muster_daemon::config::{StageName, TransportName};
 
 /// The file that marks the folder of a flight; locked during the flight.
 const LOCK_FILE: &str = "flight.lock";
@@ -101,7 +101,7 @@ fn write_files(
             stage: StageName::Sim,
             vehicle: controller.map_or("closed-form", |_| "msp"),
             port: controller.map(|address| format!("tcp:{address}")),
-            receiver: controller.map(|_| ReceiverName::Sole),
+            receiver: controller.map(|_| request.scenario.plan.receiver.into()),
             pose: pose.flatten(),
             transport: request.transport,
             journal: "journal".to_owned(),

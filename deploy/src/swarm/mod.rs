@@ -30,7 +30,9 @@ use muster_runtime::identity::KeysError;
 use muster_runtime::vehicle::VehicleKind;
 use muster_scenarios::engine::Progress;
 use muster_scenarios::report::{Flight, Report};
-use muster_scenarios::scenario::{DroneFault, Fault, FaultKind, Override, Scenario};
+use muster_scenarios::scenario::{
+    ControllerFault, DroneFault, Fault, FaultKind, Override, Scenario,
+};
 use muster_scenarios::twin;
 use thiserror::Error;
 
@@ -202,6 +204,11 @@ pub struct Prepared {
 /// If processes can't fly the scenario, the folder is used, or a file can't be written.
 pub fn prepare(request: &Request<'_>) -> Result<Vec<Prepared>, SwarmError> {
     check(request)?;
+    if request.scenario.plan.receiver == Receiver::Override {
+        let message = "a flight that is started by hand has no pilots";
+        let help = "set `vehicle.receiver` = \"sole\"";
+        return Err(BadInput::without_excerpt(request.path, message, help).into());
+    }
     let ports = open_ports(&request.scenario.plan).map_err(SwarmError::Ports)?;
     let drones = folder::prepare_by_hand(request, &*hosts(request)?, &ports)?;
     let prepared = drones.into_iter().map(|drone| Prepared {
@@ -241,8 +248,12 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
         return refuse(message.to_owned());
     }
     if request.firmware.is_some() {
-        let is_ours =
-            |fault: &Fault| matches!(fault.kind, FaultKind::Drone(_, DroneFault::Controller(_)));
+        let is_ours = |fault: &Fault| match fault.kind {
+            FaultKind::Drone(_, DroneFault::Controller(fault)) => {
+                fault != ControllerFault::TakeOver
+            }
+            _ => false,
+        };
         if scenario.plan.vehicle_kind != VehicleKind::Msp || scenario.plan.pose.is_none() {
             let message = "a firmware of its own needs `vehicle.kind` = \"msp\" and a table `[vehicle.pose]`: it has no GPS";
             return refuse(message.to_owned());
@@ -251,11 +262,6 @@ fn check(request: &Request<'_>) -> Result<(), BadInput> {
             let message = "faults of flight controllers are injected into our simulation only, not into a firmware";
             return refuse(message.to_owned());
         }
-    }
-    if scenario.plan.receiver == Receiver::Override {
-        let message =
-            "pilots are simulated in a world only: processes need `vehicle.receiver` = \"sole\"";
-        return refuse(message.to_owned());
     }
     if scenario.plan.is_steered() {
         return refuse("the scenario needs a simulated pilot or operator".to_owned());

@@ -119,6 +119,14 @@ impl Report {
         (self.wall_s > 0.0).then(|| self.simulated_s / self.wall_s)
     }
 
+    /// Says which program was the drones' flight controllers, in the command that repeats the run, too.
+    pub fn set_firmware(&mut self, program: &Path) {
+        let name = program.file_name().unwrap_or_default();
+        self.firmware = Some(name.to_string_lossy().into_owned());
+        let program = quoted(&program.to_string_lossy());
+        self.command.push_str(&format!(" --firmware {program}"));
+    }
+
     /// File name of the scenario without folder and extension.
     #[must_use]
     pub fn name(&self) -> &str {
@@ -199,6 +207,18 @@ mod tests {
         let hostile = command("it's $HOME.toml");
         assert!(hostile.starts_with(r"muster sim 'it'\''s $HOME.toml' --seed"));
         assert!(command("-x.toml").starts_with("muster sim './-x.toml' --seed"));
+    }
+
+    #[test]
+    fn command_of_a_flight_with_firmware_names_it() {
+        let (mut report, _) = sample::swarm(1);
+        report.set_firmware(Path::new("my build/betaflight_SITL"));
+        assert_eq!(report.firmware.as_deref(), Some("betaflight_SITL"));
+        assert!(
+            report
+                .command
+                .ends_with(" --firmware 'my build/betaflight_SITL'")
+        );
     }
 
     #[test]

@@ -53,7 +53,6 @@ impl Response {
 fn hover_throttle(recording: &Recording) -> Option<f64> {
     let within = |it: &&Demand| recording.hovers.contains(&it.at_s);
     let hovers: Vec<f64> = recording.demands.iter().filter(within).map(lift).collect();
-    #[expect(clippy::cast_precision_loss, reason = "a few hundred")]
     let count = hovers.len() as f64;
     (count > 0.0).then(|| (hovers.iter().sum::<f64>() / count).sqrt())
 }

@@ -71,11 +71,6 @@ impl Signal {
     }
 
     /// Its value at a time; the first or last beyond its ends.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "limited to the signal's length"
-    )]
     pub(super) fn at(&self, at_s: f64) -> f64 {
         let last = self.values.len().saturating_sub(1);
         let index = ((at_s - self.start_s) / STEP_S).max(0.0) as usize;

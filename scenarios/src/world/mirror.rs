@@ -73,6 +73,12 @@ impl Mirror {
         self.world.now()
     }
 
+    /// Whether a drone is on its way from the ground to its slot.
+    pub(crate) fn is_to_take_off(&self, drone: NodeId) -> bool {
+        let recorder = &self.world.scene.core.swarms.of(drone).recorder;
+        recorder.state(drone) == State::TakingOff
+    }
+
     /// How many waypoints the drones have reached so far; take-offs and landings count as one each.
     pub(crate) fn steps_done(&self) -> u64 {
         self.world.steps_done()

@@ -57,6 +57,7 @@ pub(crate) use self::message::{Task, What};
 pub(crate) use self::mirror::Mirror;
 pub use self::mirror::ProcessState;
 pub(crate) use self::outcome::{Outcome, SwarmOutcome, track};
+pub use self::pilot::Pilot;
 pub(crate) use self::recorder::{Incident, LINKED_NODES_MAX, Record, Recorder};
 use self::scene::Scene;
 pub(crate) use self::setup::blueprints;

@@ -34,15 +34,15 @@ const ANGLE_LIMIT_RAD: f64 = 1.047;
 ///
 /// Invariant: an aircraft that was armed once is not armed again.
 #[derive(Debug, Default)]
-pub(super) struct Pilot {
+pub struct Pilot {
     /// The drone is to take off.
-    pub(super) is_to_take_off: bool,
+    pub is_to_take_off: bool,
     arm: Switch,
     has_armed: bool,
     has_taken_over: bool,
     stands_since: Option<Timestamp>,
     /// Sticks and switches as they are.
-    pub(super) channels: [u16; CHANNELS],
+    pub channels: [u16; CHANNELS],
 }
 
 /// A switch, and since when it is there.
@@ -54,12 +54,12 @@ struct Switch {
 
 impl Pilot {
     /// The pilot takes the sticks, for good.
-    pub(super) const fn take_over(&mut self) {
+    pub const fn take_over(&mut self) {
         self.has_taken_over = true;
     }
 
     /// Sticks and switches in µs, if they move: roll, pitch, yaw, throttle, AUX1 (ARM), AUX2 (ANGLE), AUX3 (MSP OVERRIDE).
-    pub(super) fn moves(&mut self, now: Timestamp, truth: &Truth) -> Option<[u16; CHANNELS]> {
+    pub fn moves(&mut self, now: Timestamp, truth: &Truth) -> Option<[u16; CHANNELS]> {
         self.move_arm_switch(now, truth);
         let mut channels = [1_500; CHANNELS];
         channels[..4].copy_from_slice(&sticks(truth));

@@ -63,6 +63,12 @@ impl Finding {
     pub fn is_unread_override(&self) -> bool {
         self.rule == receiver::OVERRIDE_UNREAD
     }
+
+    /// Whether it only says that the last override is held for ever. A simulation may fly so.
+    #[must_use]
+    pub fn is_override_held(&self) -> bool {
+        self.rule == receiver::OVERRIDE_FALLBACK
+    }
 }
 
 impl fmt::Display for Finding {

@@ -9,6 +9,8 @@ use crate::message::{FeatureConfig, Mode, RxMap};
 
 /// Name of the rule that the override's settings, which no message has, must have been read.
 pub(super) const OVERRIDE_UNREAD: &str = "override-unread";
+/// The rule of a firmware that holds the last override for ever.
+pub(super) const OVERRIDE_FALLBACK: &str = "override-fallback";
 
 /// The receiver's channels of the four sticks in a mask.
 const STICKS: u32 = 0b1111;
@@ -50,7 +52,7 @@ pub(super) fn check_firmware(identity: &Identity, mode: ReceiverMode, findings: 
     }
     if mode == ReceiverMode::Override && !identity.override_falls_back() {
         findings.add(
-            "override-fallback",
+            OVERRIDE_FALLBACK,
             "it holds the last override for ever if the sender dies",
             format!("Betaflight {}", identity.version),
             "flash Betaflight 2026.6 or newer",

@@ -3,6 +3,7 @@
 use std::net::{SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
 
+use muster_machines::msp::controller::Receiver;
 use muster_runtime::schema::Located;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -103,6 +104,15 @@ pub enum ReceiverName {
     Sole,
     /// A pilot, whose receiver arms and gives MSP the sticks by a switch (`MSP OVERRIDE`).
     Override,
+}
+
+impl From<Receiver> for ReceiverName {
+    fn from(receiver: Receiver) -> Self {
+        match receiver {
+            Receiver::Sole => Self::Sole,
+            Receiver::Override => Self::Override,
+        }
+    }
 }
 
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Deserialize, Serialize, JsonSchema)]

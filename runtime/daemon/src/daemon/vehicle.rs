@@ -45,8 +45,8 @@ pub(super) enum Vehicle {
 /// A flight controller behind a port.
 pub(super) struct Controlled {
     port: Arc<Link>,
-    /// Whether the drone may fly it. In the stage `bench` it may not, and any settings will do.
-    flies: bool,
+    /// In the stage `bench` it flies nothing, and any settings will do.
+    stage: Stage,
     /// Why its stage has fallen to `bench`.
     refused: Refused,
     /// What the navigation was told last.
@@ -172,8 +172,16 @@ impl Vehicle {
     /// Empty if it is not refused.
     pub(super) fn refused(&self) -> Vec<Finding> {
         match self {
-            Self::Controlled(controlled) if controlled.flies => controlled.port.status().unfit,
-            Self::Controlled(_) | Self::Simulated(_) | Self::Piloted(_) => Vec::new(),
+            Self::Controlled(controlled) => {
+                let mut unfit = controlled.port.status().unfit;
+                unfit.retain(|finding| match controlled.stage {
+                    Stage::Bench => false,
+                    Stage::Sim => !finding.is_override_held(),
+                    Stage::Tethered | Stage::Flight => true,
+                });
+                unfit
+            }
+            Self::Simulated(_) | Self::Piloted(_) => Vec::new(),
         }
     }
 
@@ -254,7 +262,7 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
         })?;
     let controlled = Controlled {
         port,
-        flies: config.stage != Stage::Bench,
+        stage: config.stage,
         refused,
         telemetry: UNKNOWN,
         introduction: Introduction::default(),

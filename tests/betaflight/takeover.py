@@ -1,0 +1,60 @@
+"""A pilot takes over from a drone's process that flies Betaflight, at random moments from take-off to landing.
+
+usage: takeover.py PROGRAM MUSTER [RUNS]
+"""
+
+import csv
+import json
+import pathlib
+import random
+import statistics
+import subprocess
+import sys
+import tempfile
+
+TAKEN = "its pilot took it over"
+# The flight takes off after about 6 s and is down after about 80 s.
+FIRST_S, LAST_S = 7, 75
+
+
+def fly(program, muster, seed, at_s):
+    """Seconds from the take-over until the swarm sees a landing; fails unless the aircraft is the pilot's, and stays down."""
+    fault = f'faults=[{{ kind = "take-over", at_s = {at_s:.2f}, drone = 0 }}]'
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder) / "flight"
+        command = [muster, "swarm", "betaflight-hover", "--firmware", program, "--seed", str(seed), "--out", folder,
+                   "--set", "vehicle.receiver=override", "--set", fault]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300)
+        if done.returncode not in (0, 4):
+            raise RuntimeError(f"seed {seed}, {at_s:.1f} s: exit code {done.returncode}\n{done.stdout}{done.stderr}")
+        report = json.loads((folder / "report.json").read_text())
+        with open(folder / "tracks.csv") as file:
+            rows = [(float(row["time_s"]), float(row["altitude_m"]), row["state"]) for row in csv.DictReader(file)]
+    before = [state for time, _, state in rows if time < at_s]
+    why = report["drones"][0]["landed_because"]
+    # Who lands anyway has another reason, or none.
+    if report["violations"] or (why != TAKEN and before[-1] != "landing"):
+        raise RuntimeError(f"seed {seed}, {at_s:.1f} s: {report['violations']}, {why}")
+    seen = [time for time, _, state in rows if time >= at_s and state in ("landing", "landed", "finished")]
+    # Whoever arms again climbs again.
+    after = [altitude for time, altitude, _ in rows if time >= at_s]
+    if not after:
+        raise RuntimeError(f"seed {seed}, {at_s:.1f} s: it was down before: {why}")
+    lowest = after.index(min(after))
+    if max(after[lowest:]) > min(after) + 0.5:
+        raise RuntimeError(f"seed {seed}, {at_s:.1f} s: it climbed again")
+    return seen[0] - at_s
+
+
+def main():
+    program, muster, runs = sys.argv[1], sys.argv[2], int((sys.argv[3:] or ["20"])[0])
+    rng = random.Random(25)
+    told = []
+    for seed in range(1, runs + 1):
+        at_s = rng.uniform(FIRST_S, LAST_S)
+        told.append(fly(program, muster, seed, at_s))
+        print(f"seed {seed}: taken over at {at_s:.1f} s, a landing for the swarm after {told[-1]:.2f} s", flush=True)
+    print(f"{runs} of {runs} taken over; a landing for the swarm after {statistics.median(told):.2f} s (median), {max(told):.2f} s (longest)")
+
+
+main()
