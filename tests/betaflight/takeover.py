@@ -38,6 +38,8 @@ def fly(program, muster, seed, at_s):
     seen = [time for time, _, state in rows if time >= at_s and state in ("landing", "landed", "finished")]
     # Whoever arms again climbs again.
     after = [altitude for time, altitude, _ in rows if time >= at_s]
+    if not after:
+        raise RuntimeError(f"seed {seed}, {at_s:.1f} s: it was down before: {why}")
     lowest = after.index(min(after))
     if max(after[lowest:]) > min(after) + 0.5:
         raise RuntimeError(f"seed {seed}, {at_s:.1f} s: it climbed again")

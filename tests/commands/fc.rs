@@ -156,7 +156,7 @@ fn tune_prints_a_table_that_a_scenario_takes() {
     for set in &sets {
         arguments.extend(["--set", set]);
     }
-    let flown = support::muster(Path::new("."), &arguments);
+    let flown = crate::support::muster(Path::new("."), &arguments);
     assert_eq!(flown.status.code(), Some(0));
 }
 
