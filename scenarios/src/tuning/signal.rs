@@ -183,7 +183,7 @@ mod tests {
         let (gain, drag_per_s, wind_mps2) = (0.8, 0.5, 0.3);
         let span = 0.0..20.0;
         let push = |at_s: f64| {
-            if (at_s / 2.0) as u64 % 2 == 0 {
+            if ((at_s / 2.0) as u64).is_multiple_of(2) {
                 1.5
             } else {
                 -1.5
