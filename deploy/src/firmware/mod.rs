@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 use muster_controller::{CHANNELS, Config, InLoop, Truth};
 use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
+use muster_port::raise_priority;
 use tempfile::TempDir;
 
 use self::network::Network;
@@ -160,6 +161,8 @@ impl Firmware {
         let (network, is_over) = (Arc::clone(&self.network), Arc::clone(&self.is_over));
         let thread = thread::Builder::new().name("firmware-port".to_owned());
         thread.spawn(move || {
+            // Without it a busy machine looks like a lost receiver. Threads that it starts inherit it.
+            let _ = raise_priority();
             while !is_over.load(Ordering::Relaxed) {
                 if let Ok(true) = wait(&listener, PAUSE)
                     && let Ok((stream, _)) = listener.accept()
