@@ -144,12 +144,7 @@ impl Route {
             Phase::Looking(left_rad) => {
                 *left_rad -= turned.abs();
                 if *left_rad <= 0.0 || adds(config, pose, seen) == 0 {
-                    // What isn't seen from here is not tried again.
-                    if let Some(stop) = self.stops.pop_front() {
-                        let (map, view) = (config.floor.map(), config.view.all_round());
-                        let targets = config.places.targets();
-                        targets.look(map, at(stop.at), view, &mut self.tried);
-                    }
+                    self.stops.pop_front();
                     self.phase = Phase::Choosing;
                 }
                 Order::Look
@@ -178,6 +173,10 @@ impl Route {
                 at: place,
                 tries: 0,
             });
+            // What isn't seen from there either is not tried again.
+            let (map, view) = (config.floor.map(), config.view.all_round());
+            let targets = config.places.targets();
+            targets.look(map, at(place), view, &mut self.tried);
         }
         if self.stops.is_empty() {
             self.phase = Phase::Done;
@@ -259,25 +258,24 @@ impl Route {
         }
     }
 
-    /// There is no way: the drone waits.
+    /// There is no way: the drone waits; after some tries, other stops come first.
     fn no_way(&mut self, now: Timestamp) -> Order {
-        self.phase = Phase::Waiting(now + PATIENCE);
-        // What blocks the way was counted when it was met.
-        if !self.obstacles.is_empty() {
-            self.obstacles.clear();
-            return Order::Wait;
+        self.obstacles.clear();
+        let given_up = self.tried();
+        let tries = self.stops.front().map_or(0, |stop| stop.tries);
+        if given_up.is_none() && tries.is_multiple_of(TRIES_BEFORE_OTHERS) {
+            let last = self.stops.len() - 1;
+            self.stops.swap(0, 1.min(last));
         }
-        self.tried().map_or(Order::Wait, Order::GiveUp)
+        self.phase = Phase::Waiting(now + PATIENCE);
+        given_up.map_or(Order::Wait, Order::GiveUp)
     }
 
-    /// Counts a try of the present stop; after some, the next stop comes first. The stop, if it is given up.
+    /// Counts a try of the present stop; the stop, if it is given up.
     fn tried(&mut self) -> Option<MapXy> {
         let stop = self.stops.front_mut()?;
         stop.tries += 1;
         if stop.tries < TRIES_MAX {
-            if stop.tries.is_multiple_of(TRIES_BEFORE_OTHERS) && self.stops.len() > 1 {
-                self.stops.swap(0, 1);
-            }
             return None;
         }
         self.phase = Phase::Choosing;
