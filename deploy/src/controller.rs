@@ -57,9 +57,7 @@ impl LiveController {
         let live = Arc::downgrade(&self.0);
         source.start(move || {
             let live = live.upgrade()?;
-            let mut live = lock(&live);
-            let now = live.recover();
-            Some(live.faulty.controller.aircraft(now).position)
+            Some(lock(&live).truth().position)
         })
     }
 
@@ -71,9 +69,7 @@ impl LiveController {
         let (seen, moved) = (Arc::downgrade(&self.0), Arc::downgrade(&self.0));
         let see = move || {
             let live = seen.upgrade()?;
-            let mut live = lock(&live);
-            let now = live.recover();
-            Some(live.faulty.controller.aircraft(now))
+            Some(lock(&live).truth())
         };
         LivePilot::start(see, move |channels| {
             if let Some(live) = moved.upgrade() {
@@ -87,9 +83,7 @@ impl LiveController {
     /// The truth about its aircraft now.
     #[must_use]
     pub fn truth(&self) -> Truth {
-        let mut live = lock(&self.0);
-        let now = live.recover();
-        live.faulty.controller.aircraft(now)
+        lock(&self.0).truth()
     }
 
     /// What its receiver got since the last call.
@@ -196,6 +190,11 @@ impl Live {
         let now = Timestamp::ZERO + self.started.elapsed();
         self.faulty.recover(now);
         now
+    }
+
+    fn truth(&mut self) -> Truth {
+        let now = self.recover();
+        self.faulty.controller.aircraft(now)
     }
 
     fn affect(&mut self, fault: ControllerFault, lasts: Option<Duration>) {

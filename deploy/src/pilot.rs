@@ -1,7 +1,7 @@
 //! A pilot beside a flight controller, on the clock of this machine.
 
 use std::io;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -9,6 +9,8 @@ use muster_controller::{CHANNELS, Truth};
 use muster_machines::time::Timestamp;
 use muster_port::raise_priority;
 use muster_scenarios::controllers::Pilot;
+
+use crate::controller::lock;
 
 /// From one frame of the pilot's transmitter to the next.
 const FRAME: Duration = Duration::from_millis(20);
@@ -36,7 +38,7 @@ impl LivePilot {
                 let _ = raise_priority();
                 while let Some(truth) = see() {
                     let now = Timestamp::ZERO + started.elapsed();
-                    let mut pilot = flown.lock().unwrap_or_else(PoisonError::into_inner);
+                    let mut pilot = lock(&flown);
                     pilot.moves(now, &truth);
                     let channels = pilot.channels;
                     drop(pilot);
@@ -49,13 +51,11 @@ impl LivePilot {
 
     /// The pilot sees whether the drone is to take off.
     pub(crate) fn show(&self, is_to_take_off: bool) {
-        let mut pilot = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        pilot.is_to_take_off = is_to_take_off;
+        lock(&self.0).is_to_take_off = is_to_take_off;
     }
 
     /// The pilot takes the sticks, for good.
     pub(crate) fn take_over(&self) {
-        let mut pilot = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        pilot.take_over();
+        lock(&self.0).take_over();
     }
 }

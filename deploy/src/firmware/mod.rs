@@ -28,9 +28,9 @@ use crate::pilot::LivePilot;
 
 /// Where the firmware listens for MSP, in its network.
 const MSP: &str = "127.0.0.1:5761";
-/// Where it listens for the pilot's radio, in its network, and the channels of a frame.
+/// Where it listens for the pilot's radio, in its network.
 const RADIO: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 9004);
-/// As above.
+/// Channels of a frame of that radio.
 const RADIO_CHANNELS: usize = 16;
 /// How long the firmware may take until it listens.
 const LISTENS_WITHIN: Duration = Duration::from_secs(5);

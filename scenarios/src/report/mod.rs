@@ -40,7 +40,7 @@ use muster_machines::time::Timestamp;
 use serde::{Deserialize, Serialize};
 
 pub(crate) use figures::command;
-pub(crate) use summary::{is_completed, summary};
+pub(crate) use summary::{is_completed, summary, unplanned};
 pub(crate) use write::{CompleteFile, DraftFile, create_folder, json};
 
 /// The figures of a run, as printed by `--json` and written to `report.json`.

@@ -229,7 +229,7 @@ fn state(record: &Record) -> String {
 }
 
 /// Reason for an early landing, in words; `None` at the mission's end.
-pub(super) const fn unplanned(reason: LandingReason) -> Option<&'static str> {
+pub(crate) const fn unplanned(reason: LandingReason) -> Option<&'static str> {
     match reason {
         LandingReason::MissionOver => None,
         LandingReason::MasterSilent => Some("the master was silent"),

@@ -3,14 +3,14 @@
 use std::ops::Range;
 use std::time::Duration;
 
-use muster_machines::geodetic::{Geodetic, local_ned};
+use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::machine::Output;
-use muster_machines::msp::controller::{Gains, Noise, Stage};
+use muster_machines::msp::controller::{Gains, Noise, Stage, fix_place};
 use muster_machines::msp::{FlightCommand, Input, Link, PortEvent, Setpoint, Telemetry, Transmit};
 use muster_machines::time::Timestamp;
-use muster_msp::{Channel, RawGps, StickResponse, Sticks, TICK, Telemetry as Told};
+use muster_msp::{Channel, StickResponse, Sticks, TICK, Telemetry as Told};
 use muster_runtime::vehicle::VehicleKind;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -22,13 +22,13 @@ use crate::world::{Controllers, PortState};
 const DRONE: NodeId = NodeId(0);
 /// Height of the test, in metres: above the ground's effect and below a ceiling.
 const HEIGHT_M: f64 = 3.0;
-/// Distance from the hover, and climb in it, in metres.
+/// Length of a step aside, in metres.
 const STEP_M: f64 = 2.0;
-/// As above.
+/// Length of a step up, in metres.
 const CLIMB_M: f64 = 1.0;
-/// Acceleration and speed of its steps: a lean of 11°.
+/// Acceleration of a step: a lean of 11°.
 const ACCELERATION_MPS2: f64 = 2.0;
-/// As above.
+/// Speed of a step.
 const SPEED_MPS: f64 = 2.0;
 /// Farthest from the hover that it may stray, in metres.
 const STRAYS_MAX_M: f64 = 6.0;
@@ -66,11 +66,11 @@ pub(super) struct Recording {
     pub(super) attitudes: Vec<Attitude>,
     /// North, east and up: when each was measured, and metres.
     pub(super) places: [Vec<(f64, f64)>; 3],
-    /// Seconds from the start: it hovers, it steps aside, it steps up and down.
+    /// When it hovers, in seconds from the start.
     pub(super) hovers: Range<f64>,
-    /// As above.
+    /// When it steps aside, likewise.
     pub(super) steps_aside: Range<f64>,
-    /// As above.
+    /// When it steps up and down, likewise.
     pub(super) steps_up: Range<f64>,
 }
 
@@ -268,7 +268,7 @@ impl Test {
                 yaw_rad: f64::from(told.yaw_deg).to_radians(),
             }),
             PortEvent::Told(Told::Gps(told)) => {
-                if let Some(place) = self.gps_home.and_then(|home| place(home, told)) {
+                if let Some(place) = self.gps_home.and_then(|home| fix_place(home, told)) {
                     let at_s = at_s - Noise::GPS.gps_delay.as_secs_f64();
                     recording.places[0].push((at_s, place.north_m()));
                     recording.places[1].push((at_s, place.east_m()));
@@ -280,14 +280,6 @@ impl Test {
             _ => {}
         }
     }
-}
-
-/// Where a fix is.
-fn place(home: Geodetic, gps: &RawGps) -> Option<Ned> {
-    let degrees = |e7: i32| f64::from(e7) / 1e7;
-    let (latitude, longitude) = (degrees(gps.latitude_e7), degrees(gps.longitude_e7));
-    let place = Geodetic::new(latitude, longitude, home.altitude_m()).ok()?;
-    local_ned(home, place).ok()
 }
 
 fn demand(now: Timestamp, sticks: Sticks) -> Demand {

@@ -11,6 +11,7 @@ use muster_machines::msp::controller::Gains;
 use self::flight::Recording;
 pub use self::gains::{Loop, Loops};
 pub use self::response::Response;
+use crate::report::unplanned;
 use crate::scenario::Scenario;
 
 /// Why a test gives no gains. Nothing is kept of it.
@@ -48,15 +49,9 @@ pub enum TuneError {
     Weak(f64),
 }
 
-fn because(cause: Option<LandingCause>) -> &'static str {
-    match cause {
-        Some(LandingCause::Tilt) => ": it leant too far",
-        Some(LandingCause::Thrust) => ": its throttle had no effect",
-        Some(LandingCause::Motors) => ": its motors were at their limit or trembled",
-        Some(LandingCause::Volts) => ": its voltage under load was too low",
-        Some(LandingCause::Pilot) => ": its pilot took it over",
-        None => "",
-    }
+fn because(cause: Option<LandingCause>) -> String {
+    let why = cause.and_then(|it| unplanned(Some(it).into()));
+    why.map_or_else(String::new, |why| format!(": {why}"))
 }
 
 /// Gains for an aircraft, and what they follow from.

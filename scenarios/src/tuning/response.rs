@@ -6,9 +6,9 @@ use super::TuneError;
 use super::flight::{Demand, Recording};
 use super::signal::{Equations, Fit, Signal};
 
-/// Largest delay and largest lag that are tried, in steps of 10 ms.
+/// Largest delay that is tried, in steps of 10 ms.
 const DELAY_MAX: u8 = 10;
-/// As above.
+/// Largest lag that is tried, in steps of 10 ms.
 const LAG_MAX: u8 = 40;
 /// What a thrust that grows with the square of the throttle gives, and how far from it a flight makes sense.
 const THRUST_GAINS: std::ops::RangeInclusive<f64> = 0.4..=2.5;

@@ -12,9 +12,9 @@ use muster_scenarios::tuning::tune;
 use crate::support::scenario;
 
 const SEEDS: u64 = 2;
-/// Height of the hover, and the square's side, in metres.
+/// Height of the hover, in metres.
 const HOVER_M: f64 = 2.0;
-/// As above.
+/// Side of the square, in metres.
 const SIDE_M: f64 = 10.0;
 /// What counts as equal, in metres: a fifth of the position's error.
 const EQUAL_M: f64 = 0.01;

@@ -22,18 +22,18 @@ fn campaign_on_hosts_has_the_bytes_of_one_machine_and_outlives_a_host() {
         host("env", 2),
     ];
     fs::write(home.path().join("hosts.toml"), hosts.concat()).unwrap();
-    let shipped = [
-        &[
+    let on_hosts = |out| {
+        let shipped = [
             "campaign",
             "thesis-1",
             "--hosts",
             "hosts.toml",
             "--out",
-            "spread",
-        ],
-        &CAMPAIGN[..],
-    ];
-    let run = muster(home.path(), &shipped.concat());
+            out,
+        ];
+        muster(home.path(), &[&shipped, &CAMPAIGN[..]].concat())
+    };
+    let run = on_hosts("spread");
     assert!(run.status.success(), "{}", error_text(&run));
     assert!(
         error_text(&run).contains("host 2 is given up"),
@@ -50,18 +50,7 @@ fn campaign_on_hosts_has_the_bytes_of_one_machine_and_outlives_a_host() {
     assert_eq!(spread["runs.csv"].len(), whole["runs.csv"].len());
     // All hosts lost: nothing is complete.
     fs::write(home.path().join("hosts.toml"), host("false", 0)).unwrap();
-    let shipped = [
-        &[
-            "campaign",
-            "thesis-1",
-            "--hosts",
-            "hosts.toml",
-            "--out",
-            "none",
-        ],
-        &CAMPAIGN[..],
-    ];
-    let run = muster(home.path(), &shipped.concat());
+    let run = on_hosts("none");
     assert_eq!(run.status.code(), Some(1));
     assert!(
         error_text(&run).contains("no host is left, 4 shards are missing"),

@@ -24,6 +24,7 @@ pub use self::authority::{ACKNOWLEDGED_MIN, LOST_AFTER, Taken};
 use self::battery::Gauge;
 pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
 use self::control::{Control, Lean};
+pub use self::estimator::fix_place;
 use self::estimator::{Estimate, Estimator, Tilt};
 use self::guidance::Guidance;
 use self::impairment::{Finding, Response, Watch};

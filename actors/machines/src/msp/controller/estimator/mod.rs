@@ -298,15 +298,7 @@ impl Estimator {
 
     /// Takes in a fix. One without enough satellites, off the Earth or far from home is rejected.
     pub(super) fn measure_gps(&mut self, now: Timestamp, gps: &RawGps) {
-        let degrees = |e7: i32| f64::from(e7) / 1e7;
-        let place = Geodetic::new(
-            degrees(gps.latitude_e7),
-            degrees(gps.longitude_e7),
-            self.home.altitude_m(),
-        );
-        let place = place
-            .ok()
-            .and_then(|place| local_ned(self.home, place).ok());
+        let place = fix_place(self.home, gps);
         let Some(place) = place.filter(|_| gps.fix > 0 && gps.satellites >= SATELLITES_MIN) else {
             return;
         };
@@ -397,4 +389,13 @@ impl Estimator {
         }
         false
     }
+}
+
+/// Place of a fix on the tangent plane of `home`, at its altitude. `None` if it is off the Earth or too far from home.
+#[must_use]
+pub fn fix_place(home: Geodetic, gps: &RawGps) -> Option<Ned> {
+    let degrees = |e7: i32| f64::from(e7) / 1e7;
+    let (latitude, longitude) = (degrees(gps.latitude_e7), degrees(gps.longitude_e7));
+    let place = Geodetic::new(latitude, longitude, home.altitude_m()).ok()?;
+    local_ned(home, place).ok()
 }
