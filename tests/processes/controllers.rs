@@ -3,7 +3,6 @@
 use std::fs;
 
 use muster_controller::{Config, Contact, FailsafeSettings, Procedure, Settings, Version};
-use muster_daemon::control::READY;
 use muster_msp::Channel;
 use muster_scenarios::scenario;
 use serde_json::{Value, json};
@@ -178,9 +177,7 @@ fn controllers_that_are_not_fit_to_fly_get_no_rc_and_status_says_why() {
         replace(&fleet.file(id), "receiver = \"sole\"", &receiver);
     }
     let mut drones = fly(&fleet);
-    for drone in &mut drones {
-        drone.wait_for("ready", |line| line["message"] == READY);
-    }
+    drones.iter_mut().for_each(Process::wait_until_ready);
     for (id, (_, _, rule)) in (0..).zip(unfit()) {
         let is_named = |text: &Value| text.as_str().unwrap().contains(rule);
         let status = fleet.wait_for_status(id, "the port is open", |status| {

@@ -9,7 +9,7 @@ use std::sync::LazyLock;
 use std::sync::mpsc::{self, Receiver};
 use std::time::{Duration, Instant};
 
-use muster_daemon::control::ControlMessage;
+use muster_daemon::control::{ControlMessage, READY};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -189,9 +189,12 @@ impl Fleet {
         }
     }
 
-    /// Starts all five drones by number. The leader gets the order to fly.
+    /// Starts all five drones by number and waits until each is ready, so that it answers requests. The leader gets the
+    /// order to fly.
     pub(crate) fn fly(&self) -> Vec<Process> {
-        (0..5).map(|id| self.start(id, arguments(id))).collect()
+        let mut drones: Vec<_> = (0..5).map(|id| self.start(id, arguments(id))).collect();
+        drones.iter_mut().for_each(Process::wait_until_ready);
+        drones
     }
 
     /// Starts all five drones, each on the host of its number.
@@ -308,6 +311,11 @@ impl Process {
             }
         }
         panic!("drone {}: no line `{name}`: {:#?}", self.id, self.log);
+    }
+
+    /// Waits until it answers requests.
+    pub(crate) fn wait_until_ready(&mut self) {
+        self.wait_for("it is ready", |line| line["message"] == READY);
     }
 
     /// Waits until more than `count` log lines satisfy a condition.

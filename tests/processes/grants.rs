@@ -6,11 +6,10 @@ use std::thread;
 use std::time::Duration;
 
 use muster_controller::Settings;
-use muster_daemon::control::READY;
 use serde_json::{Value, json};
 
 use super::controllers::controlled;
-use super::fleet::{Fleet, assert_refused, replace, run_command};
+use super::fleet::{Fleet, Process, assert_refused, replace, run_command};
 use super::receiver::Receiver;
 use super::swarm::wait_until;
 
@@ -179,9 +178,7 @@ fn changed_controller_falls_to_bench_and_status_says_why() {
         }
     }
     let mut drones: Vec<_> = (0..DRONES).map(|id| fleet.start(id, &[])).collect();
-    for drone in &mut drones {
-        drone.wait_for("ready", |line| line["message"] == READY);
-    }
+    drones.iter_mut().for_each(Process::wait_until_ready);
     let is_open = |status: &Value| status["port"]["state"] == "open";
     let status = fleet.wait_for_status(0, "the port is open", is_open);
     assert!(!fault(&status, "bench"), "{status:#}");

@@ -72,7 +72,7 @@ fn frames_recorded_before_a_start_are_dropped() {
     let fleet = Fleet::new();
     let stranger = stranger(&fleet, MASTER);
     let mut first_incarnation = fleet.start(1, &[]);
-    first_incarnation.wait_for("ready", is_ready);
+    first_incarnation.wait_until_ready();
     drop(first_incarnation);
     // Orders of the master, which the drones would follow.
     let master = fleet.start(MASTER, &["--fly"]);
@@ -82,7 +82,7 @@ fn frames_recorded_before_a_start_are_dropped() {
     for journal in ["journal-1", "journal-new"] {
         replace(&fleet.file(1), "journal-1", journal);
         let mut drone = fleet.start(1, &[]);
-        drone.wait_for("ready", is_ready);
+        drone.wait_until_ready();
         for frame in &orders {
             stranger.send_to(frame, fleet.address(1)).unwrap();
         }
@@ -109,7 +109,7 @@ fn replays_from_a_lost_journal_are_dropped_without_blocking_their_sender() {
     replace(&fleet.file(MASTER), "journal-2", "journal-new");
     let mut drone = fleet.start(1, &[]);
     let mut master = fleet.start(MASTER, &["--fly"]);
-    drone.wait_for("ready", is_ready);
+    drone.wait_until_ready();
     let heard = |status: &Value| {
         let heard = &status["heard"][MASTER.to_string()]["frames"];
         heard.as_u64().unwrap_or(0)
@@ -142,9 +142,7 @@ fn hanging_disk_does_not_delay_a_revocation_list() {
     let fleet = Fleet::new();
     let list_of = fleet.separate_revocation_lists();
     let mut drones: Vec<_> = [1, 3].map(|id| fleet.start(id, &[])).into();
-    for drone in &mut drones {
-        drone.wait_for("ready", is_ready);
-    }
+    drones.iter_mut().for_each(Process::wait_until_ready);
     // A write to a named pipe blocks until it is read.
     let disk = fleet.path("revoked-kept-1.toml.new");
     let made = Command::new("mkfifo").arg(&disk).status().unwrap();
@@ -177,10 +175,6 @@ fn hanging_disk_does_not_delay_a_revocation_list() {
         let kept = fs::read_to_string(kept).unwrap();
         assert!(kept.contains("number = 3"), "drone {id}: {kept}");
     }
-}
-
-fn is_ready(line: &Value) -> bool {
-    line["message"] == "ready"
 }
 
 #[test]

@@ -26,7 +26,7 @@ fn started() -> (Fleet, Process) {
     replace(&fleet.path("own.toml"), "../missions/hop", "own");
     replace(&fleet.file(DRONE), SCENARIO, "own.toml");
     let mut drone = fleet.start(DRONE, &[]);
-    drone.wait_for("ready", |line| line["message"] == "ready");
+    drone.wait_until_ready();
     (fleet, drone)
 }
 
