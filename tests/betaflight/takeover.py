@@ -13,23 +13,30 @@ import sys
 import tempfile
 
 TAKEN = "its pilot took it over"
-# The flight takes off after about 6 s and is down after about 80 s.
-FIRST_S, LAST_S = 7, 75
+# The pilot takes over at least so long after it has left the ground and before it is down again.
+MARGIN_S = 1
 
 
-def fly(program, muster, seed, at_s):
-    """Seconds from the take-over until the swarm sees a landing; fails unless the aircraft is the pilot's, and stays down."""
-    fault = f'faults=[{{ kind = "take-over", at_s = {at_s:.2f}, drone = 0 }}]'
+def flight(program, muster, seed, *settings):
+    """Flies. Returns the report, and of each row of the tracks the time, the altitude and the state."""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder) / "flight"
-        command = [muster, "swarm", "betaflight-hover", "--firmware", program, "--seed", str(seed), "--out", folder,
-                   "--set", "vehicle.receiver=override", "--set", fault]
+        command = [muster, "swarm", "betaflight-hover", "--firmware", program, "--seed", str(seed), "--out", folder]
+        for setting in ("vehicle.receiver=override", *settings):
+            command += ["--set", setting]
         done = subprocess.run(command, capture_output=True, text=True, timeout=300)
         if done.returncode not in (0, 4):
-            raise RuntimeError(f"seed {seed}, {at_s:.1f} s: exit code {done.returncode}\n{done.stdout}{done.stderr}")
+            raise RuntimeError(f"seed {seed}, {settings}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
         report = json.loads((folder / "report.json").read_text())
         with open(folder / "tracks.csv") as file:
             rows = [(float(row["time_s"]), float(row["altitude_m"]), row["state"]) for row in csv.DictReader(file)]
+    return report, rows
+
+
+def take_over(program, muster, seed, at_s):
+    """Seconds from the take-over until the swarm sees a landing; fails unless the aircraft is the pilot's, and stays down."""
+    fault = f'faults=[{{ kind = "take-over", at_s = {at_s:.2f}, drone = 0 }}]'
+    report, rows = flight(program, muster, seed, fault)
     before = [state for time, _, state in rows if time < at_s]
     why = report["drones"][0]["landed_because"]
     # Who lands anyway has another reason, or none.
@@ -49,10 +56,13 @@ def fly(program, muster, seed, at_s):
 def main():
     program, muster, runs = sys.argv[1], sys.argv[2], int((sys.argv[3:] or ["20"])[0])
     rng = random.Random(25)
+    _, rows = flight(program, muster, 0)
+    in_air = [time for time, altitude, _ in rows if altitude > 0.5]
+    first_s, last_s = in_air[0] + MARGIN_S, in_air[-1] - MARGIN_S
     told = []
     for seed in range(1, runs + 1):
-        at_s = rng.uniform(FIRST_S, LAST_S)
-        told.append(fly(program, muster, seed, at_s))
+        at_s = rng.uniform(first_s, last_s)
+        told.append(take_over(program, muster, seed, at_s))
         print(f"seed {seed}: taken over at {at_s:.1f} s, a landing for the swarm after {told[-1]:.2f} s", flush=True)
     print(f"{runs} of {runs} taken over; a landing for the swarm after {statistics.median(told):.2f} s (median), {max(told):.2f} s (longest)")
 

@@ -107,7 +107,7 @@ pub enum EncodeError {
     /// Ours: a flag needs v2.
     #[error("flag {flag} in an MSP v1 frame, only v2 has flags")]
     FlagNeedsV2 {
-        /// The flag given.
+        /// The flag of the frame.
         flag: u8,
     },
 }

@@ -27,7 +27,7 @@ pub enum Touched {
 pub struct Touch {
     /// What was touched.
     pub what: Touched,
-    /// When.
+    /// Time since the patrol began.
     pub at: Timestamp,
     /// Where the drone was.
     pub place: MapXy,

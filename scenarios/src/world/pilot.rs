@@ -10,19 +10,19 @@ use nalgebra::Vector3;
 const PATIENCE: Duration = Duration::from_secs(1);
 /// Time on the ground after which an armed aircraft is disarmed: Betaflight's `auto_disarm_delay`.
 const STANDS_FOR: Duration = Duration::from_secs(5);
-/// Acceleration against a velocity, in 1/s, and its limit, in m/s²: a tilt of 15°.
+/// Acceleration against a velocity, in 1/s.
 const BRAKE_PER_S: f64 = 0.8;
-/// As above.
+/// Its limit, in m/s²: a tilt of 15°.
 const BRAKE_MAX_MPS2: f64 = 2.6;
-/// Descent, and descent near the ground, in m/s.
+/// Descent rate, in m/s.
 const DESCENT_MPS: f64 = 1.5;
-/// As above.
+/// Descent rate near the ground, in m/s.
 const FINAL_MPS: f64 = 0.7;
 /// Height below which the descent is slow, in metres.
 const FINAL_M: f64 = 4.0;
-/// Throttle at which the simulated aircraft hovers with a full battery, in µs, and its change per error of the climb.
+/// Throttle at which the simulated aircraft hovers with a full battery, in µs.
 const HOVER_US: f64 = 1_305.0;
-/// As above, in µs per m/s.
+/// Throttle per error of the climb, in µs per m/s.
 const CLIMB_US: f64 = 80.0;
 /// Tilt at full stick in the mode ANGLE, in radians: Betaflight's `angle_limit`.
 const ANGLE_LIMIT_RAD: f64 = 1.047;

@@ -2,10 +2,11 @@
 
 use std::time::Duration;
 
-use super::Transmit;
+use super::{Event, Transmit};
 use crate::formation::Path;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
+use crate::machine::Outbox;
 use crate::time::Timestamp;
 use crate::traffic::{Config, Intent, Traffic};
 
@@ -30,9 +31,12 @@ struct Announcement {
 }
 
 /// Deconfliction of a drone with those near it that announce their intents.
+///
+/// Invariant: a drone that ignores traffic announces nothing, waits for nobody and finds each path clear.
 #[derive(Debug)]
 pub(super) struct Deconfliction {
-    traffic: Traffic,
+    /// `None` if traffic is ignored.
+    traffic: Option<Traffic>,
     announced: Option<Announcement>,
     /// Start of the wait for a clear path.
     waiting_since: Option<Timestamp>,
@@ -43,14 +47,20 @@ pub(super) struct Deconfliction {
 }
 
 impl Deconfliction {
-    pub(super) const fn new(id: NodeId, config: Config) -> Self {
+    /// Of drone `id`, which ignores traffic without a configuration.
+    pub(super) fn new(id: NodeId, config: Option<Config>) -> Self {
         Self {
-            traffic: Traffic::new(id, config),
+            traffic: config.map(|it| Traffic::new(id, it)),
             announced: None,
             waiting_since: None,
             next_retry: None,
             next_progress: None,
         }
+    }
+
+    /// Whether it ignores traffic.
+    pub(super) const fn ignores_traffic(&self) -> bool {
+        self.traffic.is_none()
     }
 
     /// Next time at which telemetry is needed.
@@ -67,18 +77,20 @@ impl Deconfliction {
         is_due
     }
 
-    /// Announces a path; `None` if it is the announced one. A `path` of `None` withdraws the intent.
+    /// Announces a path, unless it is the announced one. A `path` of `None` withdraws the intent.
     pub(super) fn announce(
         &mut self,
         now: Timestamp,
         path: Option<Path>,
         has_priority: bool,
-    ) -> Option<Transmit> {
+        outbox: &mut Outbox<Transmit, Event>,
+    ) {
         let is_announced = |announced: &Announcement| {
             (Some(announced.path), announced.has_priority) == (path, has_priority)
         };
-        if self.announced.as_ref().map_or(path.is_none(), is_announced) {
-            return None;
+        let is_same = self.announced.as_ref().map_or(path.is_none(), is_announced);
+        if is_same || self.traffic.is_none() {
+            return;
         }
         self.announced = path.map(|path| Announcement {
             path,
@@ -88,7 +100,7 @@ impl Deconfliction {
         self.next_progress = path
             .filter(|path| path.from != path.to)
             .map(|_| now + PROGRESS_INTERVAL);
-        Some(self.intent(true))
+        self.send_intent(true, outbox);
     }
 
     /// Announces that the drone comes to rest at `stop`; it can't give way meanwhile. A master that flies among its
@@ -98,23 +110,48 @@ impl Deconfliction {
         now: Timestamp,
         path: Path,
         at_rest: bool,
-    ) -> Option<Transmit> {
-        let has_priority = !at_rest && !self.traffic.has_followers();
-        self.announce(now, Some(path), has_priority)
+        outbox: &mut Outbox<Transmit, Event>,
+    ) {
+        let has_followers = self.traffic.as_ref().is_some_and(Traffic::has_followers);
+        let has_priority = !at_rest && !has_followers;
+        self.announce(now, Some(path), has_priority, outbox);
+    }
+
+    /// Announces a landing from `stop` that can't be interrupted, or the progress of it, `place` being where the drone is.
+    pub(super) fn announce_descent(
+        &mut self,
+        now: Timestamp,
+        stop: Ned,
+        place: Ned,
+        outbox: &mut Outbox<Transmit, Event>,
+    ) {
+        let ground = stop.at_altitude(0.0);
+        if self.is_announced_to(ground) {
+            self.announce_progress(now, place, outbox);
+        } else {
+            self.announce(now, Some(Path::new(stop, ground)), true, outbox);
+        }
     }
 
     /// Announces the progress on the path, in the next regular frame.
-    pub(super) fn announce_progress(&mut self, now: Timestamp, place: Ned) -> Option<Transmit> {
-        let announced = self.announced.as_mut()?;
+    pub(super) fn announce_progress(
+        &mut self,
+        now: Timestamp,
+        place: Ned,
+        outbox: &mut Outbox<Transmit, Event>,
+    ) {
+        let Some(announced) = self.announced.as_mut() else {
+            return;
+        };
         let along = (announced.path.to - announced.path.from).0;
         let length_m = along.norm();
         if length_m <= 0.0 || self.next_progress.is_some_and(|at| at > now) {
-            return None;
+            return;
         }
         let share = (place - announced.path.from).0.dot(&along) / (length_m * length_m);
         announced.share = announced.share.max(share.clamp(0.0, 1.0));
         self.next_progress = Some(now + PROGRESS_INTERVAL);
-        Some(self.intent(false))
+        self.send_intent(false, outbox);
     }
 
     /// Announces the path of a tracked place within `hold`.
@@ -123,7 +160,11 @@ impl Deconfliction {
         to: Ned,
         velocity: Velocity,
         hold: Duration,
-    ) -> Transmit {
+        outbox: &mut Outbox<Transmit, Event>,
+    ) {
+        if self.traffic.is_none() {
+            return;
+        }
         let was_tracking = self.announced.is_some_and(|it| it.has_priority);
         let ahead = velocity.0 * hold.as_secs_f64();
         self.announced = Some(Announcement {
@@ -135,15 +176,17 @@ impl Deconfliction {
             has_priority: true,
         });
         self.next_progress = None;
-        self.intent(!was_tracking)
+        self.send_intent(!was_tracking, outbox);
     }
 
-    /// The announced intent, for a radio that restarted.
-    pub(super) fn intent(&self, immediately: bool) -> Transmit {
-        let intent = (self.announced).map(|it| Intent::of(it.path, it.share, it.has_priority));
-        Transmit::AnnounceIntent {
-            intent,
-            immediately,
+    /// Sends the announced intent, unless traffic is ignored.
+    pub(super) fn send_intent(&self, immediately: bool, outbox: &mut Outbox<Transmit, Event>) {
+        if self.traffic.is_some() {
+            let intent = (self.announced).map(|it| Intent::of(it.path, it.share, it.has_priority));
+            outbox.transmit(Transmit::AnnounceIntent {
+                intent,
+                immediately,
+            });
         }
     }
 
@@ -154,14 +197,17 @@ impl Deconfliction {
         id: NodeId,
         intent: Option<Intent>,
     ) -> bool {
-        let is_changed = self.traffic.update(now, id, intent);
+        let traffic = self.traffic.as_mut();
+        let is_changed = traffic.is_some_and(|it| it.update(now, id, intent));
         // A drone that was forgotten blocks the path again even with an unchanged intent.
         self.is_blocked(now) || is_changed && self.next_retry.is_some()
     }
 
     /// Updates which drones may not hear this one; returns whether telemetry is needed to check the own path.
     pub(super) fn update_deaf(&mut self, now: Timestamp, deaf: NodeSet) -> bool {
-        self.traffic.set_deaf(deaf);
+        if let Some(traffic) = &mut self.traffic {
+            traffic.set_deaf(deaf);
+        }
         self.is_blocked(now)
     }
 
@@ -177,19 +223,25 @@ impl Deconfliction {
                 from,
                 ..announced.path
             };
-            !announced.has_priority && self.traffic.must_give_way(now, rest, announced.path)
+            !announced.has_priority && self.must_give_way(now, rest, announced.path)
         })
+    }
+
+    fn must_give_way(&self, now: Timestamp, rest: Path, whole: Path) -> bool {
+        let traffic = self.traffic.as_ref();
+        traffic.is_some_and(|it| it.must_give_way(now, rest, whole))
     }
 
     /// Whether no other drone is near a path.
     pub(super) fn is_clear(&self, now: Timestamp, path: Path) -> bool {
-        self.traffic.is_clear(now, path)
+        let traffic = self.traffic.as_ref();
+        traffic.is_none_or(|it| it.is_clear(now, path))
     }
 
     /// Whether a path may be started; ends the wait if so.
     pub(super) fn may_begin(&mut self, now: Timestamp, path: Path) -> bool {
         self.next_retry = None;
-        let is_clear = self.traffic.is_clear(now, path);
+        let is_clear = self.is_clear(now, path);
         if is_clear {
             self.waiting_since = None;
         }
@@ -204,13 +256,14 @@ impl Deconfliction {
             .announced
             .filter(|announced| announced.path.to.distance_m(to) < SAME_M);
         let whole = announced.map_or(rest, |announced| announced.path);
-        self.traffic.must_give_way(now, rest, whole)
+        self.must_give_way(now, rest, whole)
     }
 
     /// Two corners of a detour around traffic that blocks the path for too long, if there is one.
     pub(super) fn detour(&self, now: Timestamp, path: Path) -> Option<[Ned; 2]> {
+        let traffic = self.traffic.as_ref()?;
         self.has_waited(now, DETOUR_AFTER)
-            .then(|| self.traffic.detour(now, path))?
+            .then(|| traffic.detour(now, path))?
     }
 
     /// Starts or continues the wait for a clear path; returns whether it continues.
@@ -223,30 +276,33 @@ impl Deconfliction {
 
     /// Starts anew for another goal; `in_lockstep` is whether it is flown in lockstep with the others.
     pub(super) fn reset(&mut self, now: Timestamp, in_lockstep: bool) {
-        self.traffic.set_in_lockstep(now, in_lockstep);
+        if let Some(traffic) = &mut self.traffic {
+            traffic.set_in_lockstep(now, in_lockstep);
+        }
         self.waiting_since = None;
         self.next_retry = None;
     }
 
     /// Whether to land here: the column is clear, or it has waited long enough.
-    pub(super) fn may_descend(&mut self, now: Timestamp, column: Path) -> bool {
-        self.has_waited(now, LANDING_WAIT_MAX) || self.traffic.is_clear(now, column)
+    pub(super) fn may_descend(&self, now: Timestamp, column: Path) -> bool {
+        self.has_waited(now, LANDING_WAIT_MAX) || self.is_clear(now, column)
     }
 
     /// Landing place beside traffic that stays below.
     pub(super) fn landing_detour(&self, now: Timestamp, column: Path) -> Option<Ned> {
+        let traffic = self.traffic.as_ref()?;
         self.has_waited(now, DETOUR_AFTER)
-            .then(|| self.traffic.landing_detour(now, column))?
+            .then(|| traffic.landing_detour(now, column))?
     }
 
-    /// Whether it wait and flies to an announced place.
+    /// Whether it waits and flies to an announced place.
     pub(super) fn is_on_detour_to(&self, target: Option<Ned>) -> bool {
         let is_target = target.is_some_and(|to| self.is_announced_to(to));
         self.waiting_since.is_some() && is_target
     }
 
     /// Whether the announced path ends at this place.
-    pub(super) fn is_announced_to(&self, place: Ned) -> bool {
+    fn is_announced_to(&self, place: Ned) -> bool {
         self.announced
             .is_some_and(|announced| announced.path.to.distance_m(place) < SAME_M)
     }

@@ -45,8 +45,7 @@ pub struct Navigation {
     /// Expiry of the tracked place.
     track_expires_at: Option<Timestamp>,
     health: HealthMonitor,
-    /// `None` if traffic is ignored.
-    deconfliction: Option<Deconfliction>,
+    deconfliction: Deconfliction,
     /// `None` without a map.
     indoor: Option<Host>,
     outbox: Outbox<Transmit, Event>,
@@ -57,7 +56,7 @@ impl Navigation {
     #[must_use]
     pub fn new(id: NodeId, config: Config, checkpoint: Option<Checkpoint>) -> Self {
         let mut navigation = Self {
-            deconfliction: config.avoid.map(|it| Deconfliction::new(id, it)),
+            deconfliction: Deconfliction::new(id, config.avoid),
             config,
             durable: Checkpoint::default(),
             position_requested: false,
@@ -126,9 +125,7 @@ impl Navigation {
     /// Starts deconfliction anew for the current goal; only [`Goal::FlyTo`] is flown in lockstep.
     fn reset_deconfliction(&mut self, now: Timestamp) {
         let in_lockstep = matches!(self.durable.goal, Some(Goal::FlyTo { .. }));
-        if let Some(deconfliction) = &mut self.deconfliction {
-            deconfliction.reset(now, in_lockstep);
-        }
+        self.deconfliction.reset(now, in_lockstep);
     }
 
     /// Tracks a moving place, which needs no legs.
@@ -141,10 +138,7 @@ impl Navigation {
         self.durable.goal = Some(goal);
         self.track_expires_at = Some(now + hold * TRACK_EXPIRY_HOLDS);
         self.set_progress(Progress::Flying(VecDeque::new()));
-        if let Some(deconfliction) = &mut self.deconfliction {
-            let announcement = deconfliction.announce_track(to, velocity, hold);
-            self.outbox.transmit(announcement);
-        }
+        (self.deconfliction).announce_track(to, velocity, hold, &mut self.outbox);
         self.command(FlightCommand::Fly(Setpoint::Track {
             to,
             velocity,
@@ -223,8 +217,7 @@ impl Navigation {
     fn hold_altitude_m(&self, now: Timestamp, telemetry: &Telemetry) -> f64 {
         let is_clear = |altitude_m: f64| {
             let column = Path::new(telemetry.stop, telemetry.stop.at_altitude(altitude_m));
-            let deconfliction = self.deconfliction.as_ref();
-            deconfliction.is_none_or(|it| it.is_clear(now, column))
+            self.deconfliction.is_clear(now, column)
         };
         (self.durable.goal.and_then(Goal::hold_altitude_m))
             .filter(|it| self.hold_commanded_m == Some(*it) || is_clear(*it))
@@ -307,18 +300,15 @@ impl Navigation {
     }
 
     /// Whether to land now: the column below is clear, or the landing is urgent or has waited long enough.
-    fn may_descend(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) -> bool {
+    fn may_descend(&self, now: Timestamp, column: Path, telemetry: &Telemetry) -> bool {
         let is_urgent = self.health.is_position_lost()
             || telemetry.charge <= self.config.failsafe.battery_critical;
-        let mut deconfliction = self.deconfliction.iter_mut().filter(|_| !is_urgent);
-        deconfliction.all(|it| it.may_descend(now, column))
+        is_urgent || self.deconfliction.may_descend(now, column)
     }
 
     /// Holds above the traffic below, or flies to a clear landing place beside it.
     fn wait_to_descend(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) {
-        let Some(deconfliction) = &mut self.deconfliction else {
-            return;
-        };
+        let deconfliction = &mut self.deconfliction;
         let detour = deconfliction.landing_detour(now, column);
         match detour.filter(|_| telemetry.at_rest) {
             Some(side) => {
@@ -367,13 +357,12 @@ impl Navigation {
     /// Flies straight to `corner` as soon as the path is clear.
     fn fly_to(&mut self, now: Timestamp, corner: Ned, telemetry: &Telemetry) {
         let path = Path::new(telemetry.stop, corner);
-        let deconfliction = self.deconfliction.as_mut();
+        let deconfliction = &mut self.deconfliction;
         if telemetry.target != Some(corner) {
             // An intent is one straight path, but braking and flying on may be two.
-            let may_begin = |deconfliction: &mut Deconfliction| {
-                telemetry.at_rest && deconfliction.may_begin(now, path)
-            };
-            if deconfliction.is_none_or(may_begin) {
+            let may_begin = deconfliction.ignores_traffic()
+                || telemetry.at_rest && deconfliction.may_begin(now, path);
+            if may_begin {
                 self.announce(now, Some(path), false);
                 let leg = self.config.leg(telemetry.stop, corner);
                 self.command(FlightCommand::Fly(leg));
@@ -384,7 +373,7 @@ impl Navigation {
             } else {
                 self.wait_for_traffic(now, Some(corner), telemetry);
             }
-        } else if deconfliction.is_some_and(|it| it.must_stop(now, telemetry.stop, corner)) {
+        } else if deconfliction.must_stop(now, telemetry.stop, corner) {
             self.wait_for_traffic(now, Some(corner), telemetry);
         } else {
             self.announce_progress(now, telemetry);
@@ -393,7 +382,7 @@ impl Navigation {
 
     /// Plans a detour around traffic that blocks the path for too long; returns its first corner.
     fn start_detour(&mut self, now: Timestamp, path: Path) -> Option<Ned> {
-        let [side, level] = self.deconfliction.as_ref()?.detour(now, path)?;
+        let [side, level] = self.deconfliction.detour(now, path)?;
         let Progress::Flying(mut corners) = self.durable.progress.clone() else {
             return None;
         };
@@ -405,7 +394,7 @@ impl Navigation {
 
     /// Comes to rest and retries the path to `corner`, or the landing if `None`.
     fn wait_for_traffic(&mut self, now: Timestamp, corner: Option<Ned>, telemetry: &Telemetry) {
-        let is_waiting = self.deconfliction.as_mut().is_some_and(|it| it.wait(now));
+        let is_waiting = self.deconfliction.wait(now);
         // A vehicle that climbs while it brakes would come to rest higher each time it is told to hold.
         if is_waiting && !telemetry.at_rest && telemetry.target.is_none() {
             return self.announce_progress(now, telemetry);
@@ -420,46 +409,28 @@ impl Navigation {
 
     /// Announces the path; `None` if it is unknown.
     fn announce(&mut self, now: Timestamp, path: Option<Path>, has_priority: bool) {
-        if let Some(deconfliction) = &mut self.deconfliction
-            && let Some(announcement) = deconfliction.announce(now, path, has_priority)
-        {
-            self.outbox.transmit(announcement);
-        }
+        (self.deconfliction).announce(now, path, has_priority, &mut self.outbox);
     }
 
     /// Announces that the drone comes to rest at the end of `path`.
     fn announce_stop(&mut self, now: Timestamp, path: Path, at_rest: bool) {
-        if let Some(deconfliction) = &mut self.deconfliction
-            && let Some(announcement) = deconfliction.announce_stop(now, path, at_rest)
-        {
-            self.outbox.transmit(announcement);
-        }
+        (self.deconfliction).announce_stop(now, path, at_rest, &mut self.outbox);
     }
 
     /// Announces a landing that can't be interrupted.
     fn announce_descent(&mut self, now: Timestamp, telemetry: &Telemetry) {
-        let ground = telemetry.stop.at_altitude(0.0);
-        let is_announced = |deconfliction: &Deconfliction| deconfliction.is_announced_to(ground);
-        if self.deconfliction.as_ref().is_some_and(is_announced) {
-            self.announce_progress(now, telemetry);
-        } else {
-            let path = Path::new(telemetry.stop, ground);
-            self.announce(now, Some(path), true);
-        }
+        let (stop, place) = (telemetry.stop, telemetry.position);
+        (self.deconfliction).announce_descent(now, stop, place, &mut self.outbox);
     }
 
     /// Announces the progress on the path.
     fn announce_progress(&mut self, now: Timestamp, telemetry: &Telemetry) {
-        if let Some(deconfliction) = &mut self.deconfliction
-            && let Some(announcement) = deconfliction.announce_progress(now, telemetry.position)
-        {
-            self.outbox.transmit(announcement);
-        }
+        (self.deconfliction).announce_progress(now, telemetry.position, &mut self.outbox);
     }
 
-    /// Updates what is known of other drones; asks for telemetry if it affects the own path.
-    fn update_traffic(&mut self, update: impl FnOnce(&mut Deconfliction) -> bool) {
-        if self.deconfliction.as_mut().is_some_and(update) {
+    /// Asks for telemetry if what was learnt of other drones affects the own path.
+    fn check_path(&mut self, is_affected: bool) {
+        if is_affected {
             self.command(FlightCommand::Report);
         }
     }
@@ -479,20 +450,20 @@ impl Machine for Navigation {
             }
             Input::Telemetry(telemetry) => self.handle_telemetry(now, &telemetry),
             Input::Traffic { sender, intent } => {
-                self.update_traffic(|it| it.update_traffic(now, sender, intent));
+                let is_affected = self.deconfliction.update_traffic(now, sender, intent);
+                self.check_path(is_affected);
             }
-            Input::Deaf(deaf) => self.update_traffic(|it| it.update_deaf(now, deaf)),
+            Input::Deaf(deaf) => {
+                let is_affected = self.deconfliction.update_deaf(now, deaf);
+                self.check_path(is_affected);
+            }
             Input::Indoor(input) => {
                 if let Some(indoor) = &mut self.indoor {
                     indoor.step(now, Stimulus::Input(input), &mut self.outbox);
                 }
             }
             Input::Resync => self.command(FlightCommand::Report),
-            Input::ResendIntent => {
-                if let Some(deconfliction) = &self.deconfliction {
-                    self.outbox.transmit(deconfliction.intent(true));
-                }
-            }
+            Input::ResendIntent => self.deconfliction.send_intent(true, &mut self.outbox),
         }
     }
 
@@ -505,10 +476,7 @@ impl Machine for Navigation {
             self.set_progress(Progress::Planning);
         }
         let is_check_due = self.health.next_check().is_some_and(|at| at <= now);
-        let is_traffic_due = self
-            .deconfliction
-            .as_mut()
-            .is_some_and(|it| it.take_due(now));
+        let is_traffic_due = self.deconfliction.take_due(now);
         if is_check_due {
             self.health.checked();
         }
@@ -518,13 +486,9 @@ impl Machine for Navigation {
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        let deconfliction = self
-            .deconfliction
-            .as_ref()
-            .and_then(Deconfliction::deadline);
         let deadlines = [
             self.health.next_check(),
-            deconfliction,
+            self.deconfliction.deadline(),
             self.track_expires_at,
             self.indoor.as_ref().and_then(Host::deadline),
         ];

@@ -26,7 +26,9 @@ pub enum RadioPacket {
     Intent,
 }
 
-/// Kinds of packets, in the first byte. Other numbers are the routing's.
+// Kinds of packets, in the first byte. Other numbers are the routing's.
+
+/// A packet that asks for proof of an incarnation.
 pub(super) const CHALLENGE: u8 = 4;
 const RESPONSE: u8 = 5;
 const LIST_NUMBER: u8 = 6;

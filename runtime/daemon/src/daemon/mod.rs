@@ -10,6 +10,7 @@ mod computer;
 mod counts;
 mod durable;
 mod endpoint;
+mod error;
 mod held;
 mod metrics;
 mod monitor;
@@ -20,42 +21,38 @@ mod permission;
 mod process;
 mod radio_link;
 mod reporter;
+mod resources;
 mod revocation;
 mod service;
 mod state;
 mod tasks;
 mod vehicle;
 
-use std::io;
-use std::net::SocketAddr;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Duration;
 
 use muster_actors::{Drone, DroneConfig as ActorsConfig};
 use muster_machines::mission::{self, LandingReason};
-use muster_machines::node::{Blueprint, Checkpoints, Envelope};
+use muster_machines::node::{Blueprint, Envelope};
 use muster_machines::radio::{self, Incarnations};
-use muster_runtime::identity::RevocationList;
-use muster_runtime::journal::{Folder, FolderError, Journal, WriteReport, Writer, flights};
-use muster_transport::sockets::OpenError;
-use thiserror::Error;
+use muster_runtime::journal::{WriteReport, Writer};
 use tokio::signal::unix::Signal;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
-use tokio::sync::watch;
 use tokio::task::{JoinError, JoinHandle, JoinSet};
 
 use self::computer::Computer;
 use self::endpoint::Endpoint;
-use self::network::{Network, Waiting};
+pub use self::error::DaemonError;
+use self::network::Waiting;
 use self::operators::OperatorService;
 use self::process::{Components, Process};
+use self::resources::{OpenedVehicle, Resources, open_journal, open_vehicle};
 use self::revocation::{Revocations, Store};
-use self::tasks::{ControlMessages, Reload};
-use self::vehicle::{PortEvents, Vehicle};
+use self::tasks::Reload;
+use self::vehicle::Vehicle;
 use crate::clock::Clock;
 use crate::config::DroneConfig;
-use crate::control::{ControlMessage, READY, STARTS};
+use crate::control::{READY, STARTS};
 use crate::log::{self, Format, Log, Lost};
 
 /// How long a finished drone still listens and repeats its last frames.
@@ -72,60 +69,6 @@ pub enum Ended {
     Failed(LandingReason),
     /// The control channel closed. The simulated vehicle ended with the process, on the ground or in the air.
     Abandoned,
-}
-
-/// Why a drone's process could not start or had to stop. Only [`Self::Task`] occurs in flight.
-#[derive(Debug, Error)]
-pub enum DaemonError {
-    /// The journal's folder can't be opened.
-    #[error(transparent)]
-    Folder(#[from] FolderError),
-    /// The journal can't be read or written, or is damaged.
-    #[error("can't use the journal in {}", path.display())]
-    Journal {
-        /// The journal's folder.
-        path: PathBuf,
-        /// Why.
-        #[source]
-        source: io::Error,
-    },
-    /// The network can't be opened.
-    #[error("can't open the network")]
-    Network(#[from] OpenError),
-    /// The address of `observe.http` can't be opened. In flight this is only logged.
-    #[error("can't listen at {address} (`observe.http`)")]
-    Endpoint {
-        /// The configured address.
-        address: SocketAddr,
-        /// The system's error.
-        #[source]
-        source: io::Error,
-    },
-    /// The system gives no random numbers, which distinguish this incarnation from earlier ones.
-    #[error("can't get random numbers from the system")]
-    Random(#[source] getrandom::Error),
-    /// The asynchronous runtime or the journal's thread does not start, or sockets or signals can't be watched.
-    #[error("can't start the asynchronous runtime")]
-    Runtime(#[source] io::Error),
-    /// The timer task or the network task failed in flight.
-    #[error("the timer task or the network task failed")]
-    Task(#[source] JoinError),
-    /// `--resume` was given, but the control channel does not begin with the vehicle's state.
-    #[error("`--resume` needs the vehicle's state as the first line on standard input")]
-    NoVehicle,
-    /// The flight of the drone's file is over; nothing was started.
-    #[error(
-        "this flight is over: by its journal, {}, the drone has landed; for another flight set a higher `flight` in the \
-         drone's file",
-        journal.display()
-    )]
-    FlightOver {
-        /// The flight's journal.
-        journal: PathBuf,
-    },
-    /// An actor could not be started.
-    #[error("an actor could not be started")]
-    Spawn(#[from] Box<ractor::SpawnErr>),
 }
 
 /// Options of a drone's process.
@@ -204,90 +147,6 @@ async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
     service::stopping();
     drone.stop().await;
     incarnation.end().await
-}
-
-/// What a process opens before it counts an incarnation.
-struct Resources {
-    folder: Folder,
-    network: Network,
-    /// The revocation list in force, which the network watches.
-    in_force: watch::Sender<RevocationList>,
-    endpoint: Option<Endpoint>,
-    recall: [Signal; 2],
-    reload: Signal,
-    /// Random number of this incarnation. The journal's number is not used for it: another journal would count from 1
-    /// again, under the same key.
-    drawn: u32,
-}
-
-impl Resources {
-    async fn open(config: &DroneConfig, clock: Clock) -> Result<Self, DaemonError> {
-        let folder = Folder::open(&config.journal)?;
-        let (in_force, revoked) = watch::channel(config.revoked.clone());
-        let network = Network::open(config, revoked, Arc::new(move || clock.now()))?;
-        let endpoint = open_endpoint(config).await?;
-        Ok(Self {
-            folder,
-            network,
-            in_force,
-            endpoint,
-            recall: tasks::recall_signals().map_err(DaemonError::Runtime)?,
-            reload: tasks::reload_signal().map_err(DaemonError::Runtime)?,
-            drawn: getrandom::u32().map_err(DaemonError::Random)?,
-        })
-    }
-}
-
-/// A vehicle, and what it is reached by.
-struct OpenedVehicle {
-    vehicle: Vehicle,
-    /// The control channel, if the process has one.
-    control_messages: Option<ControlMessages>,
-    /// Events of the port, if the vehicle has one.
-    port_events: Option<PortEvents>,
-}
-
-/// Opens the port to the flight controller or the autopilot; or creates the simulated vehicle, or resumes it with the state from the control
-/// channel. `None` if the channel closed before that.
-async fn open_vehicle(
-    config: &DroneConfig,
-    start: Start,
-    clock: Clock,
-) -> Result<Option<OpenedVehicle>, DaemonError> {
-    let mut control_messages = start.is_controlled.then(tasks::control_messages);
-    let opened = match (&config.controller, &config.autopilot) {
-        (Some(controller), _) => Some(vehicle::controlled(controller)),
-        (None, Some(autopilot)) => Some(autopilot::open(autopilot)),
-        (None, None) => None,
-    };
-    if let Some(opened) = opened {
-        let (vehicle, port_events) = opened.map_err(DaemonError::Runtime)?;
-        return Ok(Some(OpenedVehicle {
-            vehicle,
-            control_messages,
-            port_events: Some(port_events),
-        }));
-    }
-    let mut vehicle = (config
-        .plan
-        .simulated_vehicle(config.id, clock.now().as_nanos()))
-    .expect("the configuration checked the drone's id");
-    if let Some(control_messages) = control_messages.as_mut().filter(|_| start.resume) {
-        match control_messages.recv().await {
-            Some(ControlMessage::Vehicle { epoch, state }) => {
-                vehicle.resume(*state, epoch, clock.now());
-            }
-            Some(ControlMessage::Losses(_) | ControlMessage::Inject { .. }) => {
-                return Err(DaemonError::NoVehicle);
-            }
-            None => return Ok(None),
-        }
-    }
-    Ok(Some(OpenedVehicle {
-        vehicle: Vehicle::Simulated(Box::new(vehicle)),
-        control_messages,
-        port_events: None,
-    }))
 }
 
 /// A started incarnation.
@@ -428,47 +287,6 @@ fn start_tasks(
         tokio::spawn(operators::serve(streams, service, Arc::clone(process)));
     }
     vital
-}
-
-/// Opens the HTTP endpoint of `observe.http`. If the address can't be opened, that is an error on the ground; in flight it
-/// is logged and retried.
-async fn open_endpoint(config: &DroneConfig) -> Result<Option<Endpoint>, DaemonError> {
-    let Some(address) = config.http else {
-        return Ok(None);
-    };
-    let mut endpoint = Endpoint::at(address);
-    match endpoint.open().await {
-        Err(source) if !config.is_of_a_flight() => Err(DaemonError::Endpoint { address, source }),
-        Err(error) => {
-            tracing::error!(%error, "can't listen at {address}; retries each second");
-            Ok(Some(endpoint))
-        }
-        Ok(()) => Ok(Some(endpoint)),
-    }
-}
-
-/// Opens the journal and starts an incarnation. Before a flight it stores the scenario in the journal's folder.
-fn open_journal(
-    folder: Folder,
-    config: &DroneConfig,
-    in_air: bool,
-) -> Result<(Journal<Folder>, Checkpoints), DaemonError> {
-    let opened = if in_air {
-        Journal::open_in_flight(folder)
-    } else {
-        Journal::open(folder)
-    };
-    let kept = opened.and_then(|(journal, checkpoints)| {
-        config.store_flight()?;
-        if let Err(error) = flights::prune(&config.journals) {
-            tracing::warn!(%error, "can't remove the journals of old flights");
-        }
-        Ok((journal, checkpoints))
-    });
-    kept.map_err(|source| DaemonError::Journal {
-        path: config.journal.clone(),
-        source,
-    })
 }
 
 /// Waits for the first task that fails. Never returns if none fails.

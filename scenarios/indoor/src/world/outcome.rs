@@ -18,7 +18,7 @@ pub(super) const FOUND_WITHIN: Duration = Duration::from_secs(2);
 /// A moment of a patrol.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
-    /// When.
+    /// Time since the patrol began.
     pub at: Timestamp,
     /// Where the drone was.
     pub pose: MapPose,

@@ -104,7 +104,7 @@ impl Condition {
 /// A link that came, changed or went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct LinkChange {
-    /// When.
+    /// When it changed, in time of the simulation.
     pub at: Timestamp,
     /// The nodes; the lower id first.
     pub ends: (u32, u32),

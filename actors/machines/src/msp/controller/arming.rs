@@ -13,9 +13,9 @@ const GIVE_UP_AFTER: Duration = Duration::from_secs(1);
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Switch {
-    /// Since when.
+    /// Low, since this time.
     Low(Timestamp),
-    /// Since when.
+    /// High, since this time.
     High(Timestamp),
 }
 

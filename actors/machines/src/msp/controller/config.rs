@@ -79,11 +79,11 @@ pub struct Gains {
     pub velocity_per_s: f64,
     /// Growth of the acceleration per error of the horizontal velocity, in 1/s².
     pub integral_per_s2: f64,
-    /// The same three, vertical.
+    /// Climb per vertical distance from the reference, in 1/s.
     pub height_per_s: f64,
-    /// As above, vertical.
+    /// Acceleration per error of the climb, in 1/s.
     pub climb_per_s: f64,
-    /// As above, vertical.
+    /// Growth of the acceleration per error of the climb, in 1/s².
     pub climb_integral_per_s2: f64,
     /// Largest tilt, in radians.
     pub tilt_max_rad: f64,

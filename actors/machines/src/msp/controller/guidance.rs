@@ -65,10 +65,10 @@ impl Guidance {
 
     /// Flies to a setpoint; a landing is not aborted.
     pub(super) fn fly(&mut self, now: Timestamp, setpoint: Setpoint, estimate: &Estimate) {
+        self.setpoint = Some(setpoint);
         if self.is_landing {
             return;
         }
-        self.setpoint = Some(setpoint);
         self.motion(estimate).follow(now, setpoint, Ned::HOME);
     }
 

@@ -1,5 +1,10 @@
 //! What the controller says of itself, and when it is believed.
 
+use muster_msp::{BoxIds, Mode, Status};
+
+/// Modes in which sticks are no tilts, or throttle is no thrust.
+const OTHER_MODES: [Mode; 4] = [Mode::Horizon, Mode::AltHold, Mode::PosHold, Mode::GpsRescue];
+
 /// What the controller says of itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Reported {
@@ -16,11 +21,30 @@ pub(super) struct Reported {
 }
 
 impl Reported {
+    /// What a status says; `boxes`: the controller's modes.
+    pub(super) fn of(status: &Status, boxes: &BoxIds) -> Self {
+        let is_active = |mode| boxes.is_active(mode, status.modes());
+        let arming = status.flags.arming;
+        Self {
+            armed: is_active(Mode::Arm) == Some(true),
+            is_prevented: arming.bits & !arm_switch(arming.count) != 0,
+            failsafe: is_active(Mode::Failsafe) == Some(true),
+            overridden: is_active(Mode::MspOverride),
+            levels: is_active(Mode::Angle) == Some(true)
+                && OTHER_MODES.iter().all(|it| is_active(*it) != Some(true)),
+        }
+    }
+
     /// Whether motors and sticks are in the same hands.
     fn agrees(self, other: Self) -> bool {
         let key = |it: Self| (it.armed, it.failsafe, it.overridden, it.levels);
         key(self) == key(other)
     }
+}
+
+/// `ARM_SWITCH` is the last of the reasons not to arm.
+const fn arm_switch(count: u8) -> u32 {
+    1_u32.wrapping_shl(count.saturating_sub(1) as u32)
 }
 
 /// The newest report that is believed.

@@ -1,0 +1,40 @@
+//! What a link keeps, to go on after a restart.
+
+use serde::{Deserialize, Serialize};
+
+use super::authority::Taken;
+use crate::geometry::Ned;
+use crate::msp::{LandingCause, Setpoint};
+
+/// What a link needs to go on after a restart.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+pub struct Flight {
+    /// The motors were or may have been armed.
+    pub has_flown: bool,
+    /// What it was told to fly.
+    pub setpoint: Option<Setpoint>,
+    /// Where it was when it was first told to fly.
+    pub start: Option<Ned>,
+    /// Whether it was landing.
+    pub is_landing: bool,
+    /// Throttle at which the vehicle hovers, 0 to 1.
+    pub hover_throttle: f64,
+    /// The barometer's altitude on the ground, in metres.
+    pub ground_m: Option<f64>,
+    /// Whether the pilot or the controller's failsafe took the aircraft.
+    pub taken: Taken,
+    /// Why it lands, if the aircraft does not do what it is told.
+    pub impaired: Option<LandingCause>,
+}
+
+impl Flight {
+    /// Whether nothing has changed that a checkpoint is written for: anything but the hover throttle, which always does.
+    pub(super) fn is_same(&self, other: &Self) -> bool {
+        let hover_throttle = other.hover_throttle;
+        *other
+            == Self {
+                hover_throttle,
+                ..*self
+            }
+    }
+}

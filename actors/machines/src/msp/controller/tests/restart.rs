@@ -1,0 +1,162 @@
+//! Restarts of the link, and a port that was closed or silent.
+
+use super::*;
+
+#[test]
+fn restarted_link_flies_on_and_arms_nothing_that_is_disarmed() {
+    let bench = Bench::flying(Receiver::Sole, ARM);
+    let checkpoint = bench.checkpoint.unwrap();
+    assert!(checkpoint.flight.unwrap().has_flown);
+    let mut armed = Bench::new(config(), Some(checkpoint));
+    armed.give(Input::Port(identity(*b"SITL")));
+    assert_eq!(armed.rc, None, "it asks first whether it is armed");
+    armed.give(Input::Port(status(ARM)));
+    assert!(armed.is_arm_high() && armed.throttle() > 1_200, "level");
+    let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+    armed.give(Input::Port(altitude));
+    armed.pass(200, ARM);
+    assert_eq!(armed.link.loops.target(), Some(Ned::HOME.at_altitude(10.0)));
+
+    let mut disarmed = Bench::new(config(), Some(checkpoint));
+    disarmed.give(Input::Port(identity(*b"SITL")));
+    disarmed.give(Input::FlightCommand(FlightCommand::Arm));
+    disarmed.pass(5_000, 0);
+    assert!(!disarmed.is_arm_high() && disarmed.throttle() == 1_000);
+}
+
+#[test]
+fn restarted_link_leaves_the_newest_sticks_to_the_port_until_it_gives_its_own() {
+    let mut bench = Bench::new(config(), None);
+    let given = SetRawRc::new(Sticks::IDLE, &[Channel::HIGH; 2]).unwrap();
+    bench.rc = Some(given);
+    bench.give(Input::Port(identity(*b"SITL")));
+    assert_eq!(bench.rc, Some(given));
+    bench.give(Input::Port(PortEvent::Closed));
+    assert_eq!(bench.rc, None);
+}
+
+#[test]
+fn closed_port_stops_rc_and_an_open_one_begins_with_a_question() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.give(Input::Port(PortEvent::Closed));
+    assert_eq!(bench.rc, None);
+    bench.now_ms += 1_000;
+    bench.link.handle_timeout(at(bench.now_ms));
+    bench.drain();
+    assert_eq!(bench.rc, None);
+    bench.give(Input::Port(identity(*b"SITL")));
+    bench.give(Input::Port(status(0)));
+    assert!(!bench.is_arm_high(), "its failsafe has disarmed");
+}
+
+/// A defect of the indoor thesis's code: a client that disconnected dropped all channels, which disarmed in mid-air.
+#[test]
+fn a_connection_that_ends_in_flight_drops_no_channel() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.give(Input::Port(PortEvent::Closed));
+    for _ in 0..50 {
+        // Without RC the controller's own failsafe acts.
+        assert_eq!(bench.rc, None);
+        bench.now_ms += 10;
+        bench.link.handle_timeout(at(bench.now_ms));
+        bench.drain();
+    }
+    bench.give(Input::Port(identity(*b"SITL")));
+    assert_eq!(bench.rc, None, "it asks first whether it is armed");
+    bench.give(Input::Port(status(ARM)));
+    assert!(bench.is_arm_high() && bench.throttle() > 1_200);
+}
+
+#[test]
+fn an_order_to_land_right_after_a_restart_in_the_air_stops_no_motor() {
+    let bench = Bench::flying(Receiver::Sole, ARM);
+    let mut restarted = Bench::new(config(), bench.checkpoint);
+    restarted.give(Input::FlightCommand(FlightCommand::Land));
+    restarted.give(Input::Port(identity(*b"SITL")));
+    restarted.give(Input::Port(status(ARM)));
+    assert!(restarted.is_arm_high() && restarted.throttle() > 1_200);
+    restarted.pass(300, ARM);
+    assert!(restarted.is_arm_high() && restarted.link.loops.is_landing());
+}
+
+#[test]
+fn a_landing_that_restarts_twice_in_the_air_closes_no_throttle() {
+    let mut checkpoint = Bench::flying(Receiver::Sole, ARM).checkpoint;
+    for restart in 0..3 {
+        let mut restarted = Bench::new(config(), checkpoint);
+        restarted.give(Input::FlightCommand(FlightCommand::Land));
+        restarted.give(Input::Port(identity(*b"SITL")));
+        restarted.give(Input::Port(status(ARM)));
+        assert!(restarted.throttle() > 1_200, "restart {restart}");
+        restarted.pass(300, ARM);
+        checkpoint = restarted.checkpoint;
+    }
+}
+
+#[test]
+fn height_is_held_without_a_position() {
+    let bench = Bench::flying(Receiver::Sole, ARM);
+    let mut restarted = Bench::new(config(), bench.checkpoint);
+    restarted.give(Input::Port(identity(*b"SITL")));
+    restarted.give(Input::Port(status(ARM)));
+    let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+    restarted.give(Input::Port(altitude));
+    restarted.give(Input::Port(status(ARM)));
+    let told = restarted.telemetry.last().unwrap();
+    assert!(told.armed && told.position_lost_for.is_some());
+    let sticks = restarted.rc.unwrap().sticks();
+    assert_eq!(
+        (sticks.roll, sticks.pitch),
+        (Channel::CENTRE, Channel::CENTRE)
+    );
+    assert!(restarted.link.loops.target().is_some(), "it climbs on");
+}
+
+#[test]
+fn a_controller_that_is_silent_for_a_second_in_flight_is_left_to_its_failsafe() {
+    for closes in [false, true] {
+        let mut bench = Bench::flying(Receiver::Sole, ARM);
+        if closes {
+            bench.give(Input::Port(PortEvent::Closed));
+        }
+        bench.wait(950);
+        assert!(!bench.telemetry.last().unwrap().landing);
+        bench.wait(100);
+        let last = *bench.telemetry.last().unwrap();
+        assert!(last.armed && last.landing);
+        assert_eq!(bench.rc, None);
+        bench.give(Input::Port(identity(*b"SITL")));
+        bench.pass(1_000, ARM);
+        assert_eq!(bench.rc, None, "it is not taken back");
+        bench.pass(200, 0);
+        assert!(!bench.telemetry.last().unwrap().armed);
+    }
+}
+
+#[test]
+fn silence_while_the_link_itself_was_held_up_is_no_loss() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.now_ms += 2_000;
+    bench.pass(500, ARM);
+    assert!(bench.is_arm_high() && !bench.telemetry.last().unwrap().landing);
+}
+
+#[test]
+fn port_that_was_closed_for_a_moment_in_flight_changes_no_height_and_loses_no_order() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    let ground_m = bench.link.loops.estimator.ground_m();
+    let high = Altitude {
+        altitude_cm: 30,
+        ..Altitude::default()
+    };
+    bench.give(Input::Port(PortEvent::Told(Told::Altitude(high))));
+    bench.give(Input::Port(PortEvent::Closed));
+    bench.give(Input::FlightCommand(FlightCommand::Land));
+    bench.wait(300);
+    bench.give(Input::Port(identity(*b"SITL")));
+    assert_eq!(bench.rc, None, "it asks first whether it is armed");
+    bench.give(Input::Port(status(ARM)));
+    assert!(bench.is_arm_high(), "the motors keep on turning");
+    assert!(bench.link.loops.is_landing());
+    assert_eq!(bench.link.loops.estimator.ground_m(), ground_m);
+}

@@ -1,0 +1,97 @@
+//! Pilots, failsafes, and aircraft that do not do what they are told.
+
+use muster_msp::Attitude;
+
+use super::*;
+use crate::msp::controller::control::Control;
+
+#[test]
+fn pilot_who_takes_over_is_not_fought() {
+    let mut bench = Bench::flying(Receiver::Override, ARM | OVERRIDE);
+    assert!(bench.throttle() > 1_200);
+    bench.give(Input::Port(status(ARM)));
+    assert!(!bench.telemetry.last().unwrap().landing, "once is noise");
+    bench.give(Input::Port(status(ARM)));
+    assert!(bench.telemetry.last().unwrap().landing);
+    // Sticks that are given back by mistake neither lean nor stop the motors.
+    bench.pass(1_000, ARM | OVERRIDE);
+    let sticks = bench.rc.unwrap().sticks();
+    assert_eq!(
+        (sticks.roll, sticks.pitch),
+        (Channel::CENTRE, Channel::CENTRE)
+    );
+    assert!((1_250..1_350).contains(&sticks.throttle.us()), "it hovers");
+    assert!(bench.telemetry.last().unwrap().landing);
+}
+
+#[test]
+fn failsafe_of_the_controller_counts_as_landing_and_is_not_ended_by_frames() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.give(Input::Port(status(ARM | FAILSAFE)));
+    bench.give(Input::Port(status(ARM | FAILSAFE)));
+    assert!(bench.telemetry.last().unwrap().landing);
+    assert_eq!(bench.rc, None);
+    bench.pass(1_000, ARM);
+    assert_eq!(bench.rc, None, "its link is back, and it is left alone");
+    bench.pass(1_000, 0);
+    assert!(
+        bench.rc.is_some() && !bench.is_arm_high(),
+        "it has disarmed"
+    );
+}
+
+#[test]
+fn link_that_was_given_up_lands_and_takes_no_commands() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.give(Input::GiveUp);
+    bench.give(Input::FlightCommand(up()));
+    bench.pass(20, ARM);
+    assert!(bench.link.loops.is_landing());
+    assert!(bench.checkpoint.unwrap().gave_up);
+}
+
+fn rolled(deg: i16) -> Input {
+    Input::Port(PortEvent::Told(Told::Attitude(Attitude {
+        roll_ddeg: deg * 10,
+        pitch_ddeg: 0,
+        yaw_deg: 0,
+    })))
+}
+
+#[test]
+fn a_vehicle_that_tips_over_is_righted_and_lands_and_one_that_lies_stops_its_motors() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    let tip = |bench: &mut Bench, deg| {
+        for _ in 0..2 {
+            bench.give(rolled(deg));
+        }
+    };
+    tip(&mut bench, 80);
+    bench.pass(200, ARM);
+    assert!(
+        !bench.telemetry.last().unwrap().landing,
+        "not for long enough"
+    );
+    bench.pass(200, ARM);
+    let last = *bench.telemetry.last().unwrap();
+    assert!(last.landing && last.landing_cause == Some(LandingCause::Tilt));
+    assert_eq!(bench.rc.unwrap().sticks(), Control::upright());
+    let restarted = Bench::new(config(), bench.checkpoint);
+    assert_eq!(restarted.link.loops.impaired(), Some(LandingCause::Tilt));
+    tip(&mut bench, 0);
+    bench.pass(100, ARM);
+    assert!(bench.is_arm_high() && bench.throttle() > 1_200);
+    assert!(bench.link.loops.is_landing(), "it is not taken back");
+    tip(&mut bench, 80);
+    bench.pass(2_100, ARM);
+    assert!(!bench.is_arm_high());
+}
+
+#[test]
+fn a_vehicle_too_heavy_to_leave_the_ground_stops_its_motors() {
+    let mut bench = Bench::flying(Receiver::Sole, ARM);
+    bench.pass(6_000, ARM);
+    let last = *bench.telemetry.last().unwrap();
+    assert_eq!(last.landing_cause, Some(LandingCause::Thrust));
+    assert!(!bench.is_arm_high());
+}
