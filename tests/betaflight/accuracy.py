@@ -1,9 +1,10 @@
 """How well a drone's process flies Betaflight, beside our simulated controller: hover, hover in gusts and a square, by the truth
 about the aircraft. Prints the median and the worst of each figure; fails if a flight of Betaflight misses what is demanded.
 
-usage: accuracy.py PROGRAM MUSTER [RUNS]
+usage: accuracy.py PROGRAM MUSTER [RUNS [AT_ONCE]]
 """
 
+import concurrent.futures
 import csv
 import math
 import pathlib
@@ -78,7 +79,9 @@ def fly(command, figures):
 
 
 def main():
-    program, muster, runs = sys.argv[1], sys.argv[2], int((sys.argv[3:] or ["20"])[0])
+    program, muster = sys.argv[1:3]
+    runs, at_once = (int(it) for it in (sys.argv[3:] + ["20", "1"][len(sys.argv) - 3:]))
+    pool = concurrent.futures.ThreadPoolExecutor(at_once)
     print(f"{runs} flights each, seeds 1 to {runs}\n")
     print("| flight | figure | at most | Betaflight median | worst | simulated median | worst |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
@@ -87,10 +90,11 @@ def main():
         figures = square if flight == "square" else hover
         each = []
         for kind in (["swarm", scenario, "--firmware", program], ["sim", scenario]):
+            commands = [[muster, *kind, "--seed", str(seed), *options] for seed in range(1, runs + 1)]
             flights = []
-            for seed in range(1, runs + 1):
-                print(f"\r{flight}: {kind[0]} {seed} of {runs}", end="\r", file=sys.stderr)
-                flights.append(fly([muster, *kind, "--seed", str(seed), *options], figures))
+            for flown in pool.map(lambda command: fly(command, figures), commands):
+                flights.append(flown)
+                print(f"\r{flight}: {kind[0]} {len(flights)} of {runs}", end="\r", file=sys.stderr)
             each.append(flights)
         for name, limit in limits.items():
             cells = [f(one[name] for one in flights) for flights in each for f in (statistics.median, max)]

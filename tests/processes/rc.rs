@@ -49,10 +49,10 @@ impl Drop for Load {
     }
 }
 
-/// Builds a library that makes a process's syncs slow, and counts them. Returns its path.
-fn slow_sync(folder: &Path) -> PathBuf {
-    let library = folder.join("slow_sync.so");
-    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/processes/slow_sync.c");
+/// Builds a library that makes a process's syncs slow, counts them, and can make its main thread hang. Returns its path.
+fn disturb(folder: &Path) -> PathBuf {
+    let library = folder.join("disturb.so");
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/processes/disturb.c");
     let mut compiler = Command::new("cc");
     compiler.args(["-shared", "-fPIC", "-o"]).arg(&library);
     assert!(compiler.arg(source).status().unwrap().success());
@@ -149,7 +149,7 @@ fn assert_in_time(name: &str, receiver: &Receiver, since: Instant) {
 }
 
 /// Take-off and three phases with every core busy, while each sync of the leader's journal takes half a second more. At the end
-/// the actor msp hangs in one process, and all of another one.
+/// the actor msp hangs in one process, and the main thread, on which all actors run, in another one.
 #[test]
 fn armed_controller_gets_rc_in_time_whatever_crashes_and_none_from_what_hangs() {
     let lasts = std::env::var(PHASE).map_or(PHASE_S, |text| text.parse().unwrap());
@@ -164,8 +164,12 @@ fn armed_controller_gets_rc_in_time_whatever_crashes_and_none_from_what_hangs() 
     let syncs = fleet.path("syncs");
     fs::write(&syncs, "").unwrap();
     let count_syncs = || fs::metadata(&syncs).unwrap().len();
-    let library = slow_sync(&fleet.path(""));
-    let environment = [("LD_PRELOAD", &*library), ("SLOW_SYNC", &*syncs)];
+    let (library, hang) = (disturb(&fleet.path("")), fleet.path("hang"));
+    let environment = [
+        ("LD_PRELOAD", &*library),
+        ("SLOW_SYNC", &*syncs),
+        ("HANG", &*hang),
+    ];
     let load = Load::start();
     let mut others = [0, 2].map(|id| start(&fleet, id, &[]));
     let mut leader = start(&fleet, LEADER, &environment);
@@ -193,7 +197,7 @@ fn armed_controller_gets_rc_in_time_whatever_crashes_and_none_from_what_hangs() 
         fault: ActorFault::Hangs(None),
     });
     let hung_actor = rc_goes_on(&receivers[0]);
-    leader.signal("STOP");
+    fs::write(&hang, "").unwrap();
     let hung_process = rc_goes_on(receiver);
     println!("RC of a hung actor: {hung_actor:?}, of a hung process: {hung_process:?}");
     assert!(hung_actor <= Duration::from_millis(150));

@@ -1,9 +1,10 @@
-/* Loaded before the C library, it makes syncs of files slow: each takes half a second more, and appends a byte to the file that
- * SLOW_SYNC names. */
+/* Loaded before the C library, it disturbs a process. Syncs of files are slow: each takes half a second more, and appends a
+ * byte to the file that SLOW_SYNC names. The main thread hangs for good at its next wait once the file that HANG names exists. */
 
 #define _GNU_SOURCE
 #include <fcntl.h>
 #include <stdlib.h>
+#include <sys/epoll.h>
 #include <sys/syscall.h>
 #include <time.h>
 #include <unistd.h>
@@ -31,4 +32,12 @@ int fsync(int file)
 {
     delay();
     return (int)syscall(SYS_fsync, file);
+}
+
+int epoll_wait(int poll, struct epoll_event *events, int count, int timeout_ms)
+{
+    const char *path = getenv("HANG");
+    while (path && gettid() == getpid() && access(path, F_OK) == 0)
+        pause();
+    return (int)syscall(SYS_epoll_pwait, poll, events, count, timeout_ms, NULL, 0);
 }
