@@ -101,7 +101,8 @@ impl Aircraft {
             let airspeed_mps = (self.body.velocity - self.air).norm();
             #[expect(clippy::cast_precision_loss, reason = "small")]
             let span_s = STEP_S * WIND_STEPS as f64;
-            self.air = self.gusts.step(&self.wind, step, airspeed_mps, span_s);
+            let at = (airspeed_mps, self.height_m());
+            self.air = self.gusts.step(&self.wind, step, at, span_s);
         }
         let before = self.body.velocity;
         let mut speeds = self.speeds;

@@ -134,7 +134,7 @@ pub struct Aircraft {
     /// Mean wind to the east.
     #[serde(default)]
     pub wind_east_mps: Or<Wind, 0>,
-    /// Standard deviation of gusts on each axis.
+    /// Standard deviation of gusts on each level axis; near the ground, vertical ones are weaker (MIL-F-8785C).
     #[serde(default)]
     pub gusts_mps: Or<Gusts, 0>,
 }

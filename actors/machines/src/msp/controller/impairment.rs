@@ -19,6 +19,9 @@ const THRUST_MPS2: f64 = 3.5;
 const THRUST_FOR: Duration = Duration::from_secs(1);
 /// Climb rate that it must gain meanwhile, in m/s. Ours: a seventh of what is asked for.
 const GAIN_MIN_MPS: f64 = 0.5;
+/// Sink rate beyond which thrust in flight had no effect, in m/s: ArduPilot's check needs a descent, too. Whoever holds its
+/// height against air that sinks asks for as much thrust all the time.
+const SINKS_MPS: f64 = 0.5;
 /// Output of a motor at its limit, in µs: 95 % of its range, where it has no share left to turn the aircraft with. Ours.
 const MOTOR_MAX_US: u16 = 1_950;
 /// Looks in a row at which some motor is at its limit: the second of ArduPilot's check of thrust, at two looks a second.
@@ -42,6 +45,8 @@ pub(super) struct Response {
     pub(super) up_mps2: f64,
     /// Its climb rate, in m/s.
     pub(super) climb_mps: f64,
+    /// It has left the ground.
+    pub(super) is_in_air: bool,
 }
 
 /// What is to be done now.
@@ -132,7 +137,8 @@ impl Watch {
             return false;
         }
         self.thrust_since = None;
-        response.climb_mps - climb_mps < GAIN_MIN_MPS
+        let must_climb = !response.is_in_air || response.climb_mps < -SINKS_MPS;
+        must_climb && response.climb_mps - climb_mps < GAIN_MIN_MPS
     }
 }
 
@@ -169,6 +175,7 @@ mod tests {
         tilt_rad: 0.1,
         up_mps2: 0.0,
         climb_mps: 0.0,
+        is_in_air: true,
     };
 
     /// What is found first within 5 s, and after how many milliseconds. `at` yields the response after so many.
@@ -218,6 +225,23 @@ mod tests {
             ..asks
         };
         assert_eq!(found(&mut Watch::default(), gains), None);
+        let holds_its_height_in_sinking_air = Response {
+            climb_mps: -0.2,
+            ..asks
+        };
+        assert_eq!(
+            found(&mut Watch::default(), |_| holds_its_height_in_sinking_air),
+            None
+        );
+        let stays_on_the_ground = Response {
+            climb_mps: 0.0,
+            is_in_air: false,
+            ..asks
+        };
+        assert_eq!(
+            found(&mut Watch::default(), |_| stays_on_the_ground),
+            Some((1_000, thrust))
+        );
         let hovers_with_little_charge = Response {
             up_mps2: 3.0,
             ..HOVERS

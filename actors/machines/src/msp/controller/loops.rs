@@ -250,6 +250,7 @@ impl ControlLoops {
             tilt_rad: libm::acos(self.estimator.tilt().vertical_share()),
             up_mps2: -self.control.down_mps2(),
             climb_mps: -estimate.velocity.0.z,
+            is_in_air: self.lift == Lift::Left,
         });
         let Some(finding) = self.watch.look(now, response) else {
             return Remedy::default();
