@@ -27,7 +27,7 @@ pub use memory::MemoryStorage;
 use muster_machines::mission::State;
 use muster_machines::node::{Checkpoint, Checkpoints};
 use serde::{Deserialize, Serialize};
-pub use writer::{WriteReport, Writer};
+pub use writer::{QueueFull, WAITING_MAX, WriteReport, Writer};
 
 /// Storage of a journal's bytes.
 pub trait Storage {

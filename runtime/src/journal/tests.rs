@@ -329,7 +329,7 @@ fn reported_checkpoints_survive_any_power_cut() {
         let (sender, reports) = mpsc::channel();
         let mut writer = Writer::start(journal, all, move |it| drop(sender.send(it))).unwrap();
         for opened in 1..=random.random_range(1..40) {
-            writer.keep(mission(opened), random.random());
+            writer.keep(mission(opened), random.random()).unwrap();
         }
         let last = reports.try_iter().last();
         let cut = disk.cut_power(&mut random);
@@ -360,7 +360,7 @@ fn slow_disk_delays_no_caller_and_is_reported_after_the_sync() {
     let report = move |it| drop(sender.send((it, synced.held.lock().unwrap().clone())));
     let mut writer = Writer::start(journal, all, report).unwrap();
     for opened in 1..=20 {
-        writer.keep(mission(opened), true);
+        writer.keep(mission(opened), true).unwrap();
     }
     assert!(start.elapsed() < Duration::from_millis(250));
     drop(writer);
@@ -378,6 +378,28 @@ fn slow_disk_delays_no_caller_and_is_reported_after_the_sync() {
     };
     // Queued checkpoints were synced together.
     assert!(reports.len() < 4, "{}", reports.len());
+}
+
+#[test]
+fn disk_that_does_not_keep_up_bounds_what_waits() {
+    let disk = Disk {
+        sync_takes: Duration::from_millis(500),
+        ..Disk::default()
+    };
+    let (journal, all) = Journal::open(disk).unwrap();
+    let (sender, reports) = mpsc::channel();
+    let mut writer = Writer::start(journal, all, move |it| drop(sender.send(it))).unwrap();
+    let numbers: Vec<_> = (0..=2 * WAITING_MAX)
+        .map_while(|_| writer.keep(mission(1), true).ok())
+        .collect();
+    assert!(numbers.len() >= WAITING_MAX && numbers.len() <= 2 * WAITING_MAX);
+    drop(writer);
+    // What was queued is still written.
+    let last = reports.iter().last();
+    let Some(WriteReport::DurableUpTo(number)) = last else {
+        panic!("{last:?}");
+    };
+    assert_eq!(number, *numbers.last().unwrap());
 }
 
 /// Storage of which the third append fails.
@@ -421,7 +443,7 @@ fn write_results_are_reported_in_order_despite_a_failure() {
     let (sender, reports) = mpsc::channel();
     let mut writer = Writer::start(journal, all, move |it| drop(sender.send(it))).unwrap();
     for opened in 1..=4 {
-        writer.keep(mission(opened), opened != 3);
+        writer.keep(mission(opened), opened != 3).unwrap();
     }
     drop(writer);
     let reports: Vec<_> = reports

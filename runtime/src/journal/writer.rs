@@ -1,12 +1,21 @@
 //! Writes a journal on its own thread, for a sync may take long and must not delay the drone.
 
 use std::io;
-use std::sync::mpsc::{self, Receiver, Sender};
+use std::sync::mpsc::{self, Receiver, SyncSender};
 use std::thread::{self, JoinHandle};
 
 use muster_machines::node::{Checkpoint, Checkpoints};
+use thiserror::Error;
 
 use super::{Journal, Storage};
+
+/// The most checkpoints that wait for the disk.
+pub const WAITING_MAX: usize = 4_096;
+
+/// A checkpoint was dropped, for the disk does not keep up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
+#[error("{WAITING_MAX} checkpoints wait for the disk")]
+pub struct QueueFull;
 
 /// Result of writing checkpoints, by their numbers.
 #[derive(Debug)]
@@ -27,7 +36,7 @@ pub enum WriteReport {
 pub struct Writer {
     /// Number of the last queued checkpoint.
     queued: u64,
-    queue: Option<Sender<Entry>>,
+    queue: Option<SyncSender<Entry>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -51,7 +60,7 @@ impl Writer {
         all: Checkpoints,
         report: impl FnMut(WriteReport) + Send + 'static,
     ) -> io::Result<Self> {
-        let (queue, entries) = mpsc::channel();
+        let (queue, entries) = mpsc::sync_channel(WAITING_MAX);
         let thread = thread::Builder::new().name("journal".to_owned());
         let thread = thread.spawn(move || write_all(journal, all, &entries, report))?;
         Ok(Self {
@@ -62,17 +71,24 @@ impl Writer {
     }
 
     /// Queues a checkpoint and returns its number, from 1. With `must_sync` it is synced and reported.
-    pub fn keep(&mut self, checkpoint: Checkpoint, must_sync: bool) -> u64 {
-        self.queued += 1;
-        if let Some(queue) = &self.queue {
-            // Can't fail: the thread ends only when the queue is closed.
-            let _ = queue.send(Entry {
-                number: self.queued,
-                checkpoint,
-                must_sync,
-            });
+    ///
+    /// # Errors
+    /// If [`WAITING_MAX`] wait already. The checkpoint is dropped; what waits is still written.
+    pub fn keep(&mut self, checkpoint: Checkpoint, must_sync: bool) -> Result<u64, QueueFull> {
+        let number = self.queued + 1;
+        let entry = Entry {
+            number,
+            checkpoint,
+            must_sync,
+        };
+        // The thread ends only when the queue is closed, so that it can only be full.
+        if let Some(queue) = &self.queue
+            && queue.try_send(entry).is_err()
+        {
+            return Err(QueueFull);
         }
-        self.queued
+        self.queued = number;
+        Ok(number)
     }
 }
 

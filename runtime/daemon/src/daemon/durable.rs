@@ -4,7 +4,7 @@ use bytes::Bytes;
 use muster_machines::identity::NodeId;
 use muster_machines::node::{Checkpoint, Checkpoints};
 use muster_machines::radio::Revoked;
-use muster_runtime::journal::{WriteReport, Writer};
+use muster_runtime::journal::{QueueFull, WriteReport, Writer};
 
 use super::held::Held;
 
@@ -50,17 +50,21 @@ impl Durable {
     }
 
     /// Keeps a checkpoint, in the journal too. If it must be durable, later frames wait for it.
-    pub(super) fn keep(&mut self, checkpoint: &Checkpoint) {
+    ///
+    /// # Errors
+    /// If too many wait for the disk.
+    pub(super) fn keep(&mut self, checkpoint: &Checkpoint) -> Result<(), QueueFull> {
         if self.checkpoints.holds(checkpoint) {
-            return;
+            return Ok(());
         }
         let must_sync = self.checkpoints.keep(checkpoint.clone());
         if let Some(journal) = &mut self.journal {
-            let number = journal.keep(checkpoint.clone(), must_sync);
+            let number = journal.keep(checkpoint.clone(), must_sync)?;
             if must_sync {
                 self.held.require(number);
             }
         }
+        Ok(())
     }
 
     /// Holds a frame, or returns it if it may be sent now.
@@ -70,8 +74,13 @@ impl Durable {
 
     /// The frames that may be sent after a report of the journal.
     pub(super) fn release(&mut self, report: &WriteReport) -> Vec<Frame> {
-        self.failures += u64::from(matches!(report, WriteReport::Failed { .. }));
         self.held.release(report)
+    }
+
+    /// A checkpoint could not be written. Returns whether it is the first.
+    pub(super) const fn fails_first(&mut self) -> bool {
+        self.failures += 1;
+        self.failures == 1
     }
 
     /// Closes the journal. Dropping the returned writer waits until all checkpoints are written.

@@ -168,7 +168,11 @@ impl State {
             }
             Effect::Rc(rc) => self.vehicle.set_rc(rc),
             Effect::Order(order) => self.vehicle.order(order),
-            Effect::StoreCheckpoint(checkpoint) => self.durable.keep(&checkpoint),
+            Effect::StoreCheckpoint(checkpoint) => {
+                if let Err(error) = self.durable.keep(&checkpoint) {
+                    self.journal_failed(&error);
+                }
+            }
             Effect::KeepList(list) => {
                 let is_revoked = self.revocations.keep(&list);
                 self.list_in_force(is_revoked);
@@ -230,15 +234,19 @@ impl State {
         }
     }
 
-    /// Sends the frames that a report of the journal releases. A drone that can't write its journal lands: its next
-    /// incarnation would not know what it has sent.
+    /// Sends the frames that a report of the journal releases.
     pub(super) fn journal_reported(&mut self, now: Timestamp, report: &WriteReport) {
         for frame in self.durable.release(report) {
             self.send(now, &frame);
         }
-        if let WriteReport::Failed { error, .. } = report
-            && self.durable.failures == 1
-        {
+        if let WriteReport::Failed { error, .. } = report {
+            self.journal_failed(error);
+        }
+    }
+
+    /// A drone that can't write its journal lands: its next incarnation would not know what it has sent.
+    fn journal_failed(&mut self, error: &dyn std::error::Error) {
+        if self.durable.fails_first() {
             tracing::error!(%error, "the journal can't be written: the drone lands");
             self.order_landing(LandingReason::JournalLost);
         }
