@@ -301,16 +301,16 @@ impl Navigation {
 
     /// Whether to land now: the column below is clear, or the landing is urgent or has waited long enough.
     fn may_descend(&self, now: Timestamp, column: Path, telemetry: &Telemetry) -> bool {
-        let is_urgent = self.health.is_position_lost()
-            || telemetry.charge <= self.config.failsafe.battery_critical;
+        let is_urgent = telemetry.charge <= self.config.failsafe.battery_critical;
         is_urgent || self.deconfliction.may_descend(now, column)
     }
 
-    /// Holds above the traffic below, or flies to a clear landing place beside it.
+    /// Holds above the traffic below, or flies to a clear landing place beside it; without a position it flies nowhere.
     fn wait_to_descend(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) {
+        let may_fly = !self.health.is_position_lost();
         let deconfliction = &mut self.deconfliction;
         let detour = deconfliction.landing_detour(now, column);
-        match detour.filter(|_| telemetry.at_rest) {
+        match detour.filter(|_| telemetry.at_rest && may_fly) {
             Some(side) => {
                 deconfliction.wait(now);
                 let path = Path::new(column.from, side);
@@ -318,7 +318,10 @@ impl Navigation {
                 let leg = self.config.leg(path.from, side);
                 self.command(FlightCommand::Fly(leg));
             }
-            None if !telemetry.at_rest && deconfliction.is_on_detour_to(telemetry.target) => {
+            None if !telemetry.at_rest
+                && may_fly
+                && deconfliction.is_on_detour_to(telemetry.target) =>
+            {
                 deconfliction.wait(now);
             }
             None => self.wait_for_traffic(now, None, telemetry),

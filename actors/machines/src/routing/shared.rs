@@ -116,6 +116,25 @@ impl SharedState {
         }
     }
 
+    /// Neighbours that may not hear this drone, as last reported.
+    pub(super) const fn deaf(&self) -> &NodeSet {
+        &self.deaf
+    }
+
+    /// Records whether a neighbour hears this drone, and reports a change.
+    pub(super) fn record_hearing(&mut self, id: NodeId, hears_own: bool) {
+        if hears_own != self.deaf.contains(id) {
+            return;
+        }
+        let mut deaf = self.deaf.clone();
+        if hears_own {
+            deaf = deaf.difference(&id.into());
+        } else {
+            deaf.insert(id);
+        }
+        self.report_deaf(deaf);
+    }
+
     /// Reports the neighbours that may not hear this drone.
     pub(super) fn report_deaf(&mut self, deaf: NodeSet) {
         let is_known = deaf.is_empty() && self.deaf.is_empty();

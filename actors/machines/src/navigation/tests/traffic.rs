@@ -393,6 +393,30 @@ fn drone_lands_after_the_longest_wait() {
 }
 
 #[test]
+fn drone_without_position_waits_to_land_and_flies_nowhere() {
+    let mut navigation = avoiding();
+    traffic(&mut navigation, 2, BELOW, BELOW);
+    let lost = || {
+        let Input::Telemetry(at_rest) = at_rest_at(LANDING) else {
+            panic!("it is telemetry");
+        };
+        Input::Telemetry(Telemetry {
+            position_lost_for: Some(Duration::from_secs(31)),
+            ..at_rest
+        })
+    };
+    handle(&mut navigation, lost());
+    handle(&mut navigation, Input::Goal(Goal::Land));
+    assert!(!lands(&handle(&mut navigation, lost())));
+    let detour_at = Timestamp::ZERO + DETOUR_AFTER;
+    still_below(&mut navigation, detour_at);
+    assert_eq!(handle_at(&mut navigation, detour_at, lost()), []);
+    let latest = Timestamp::ZERO + LANDING_WAIT_MAX;
+    still_below(&mut navigation, latest);
+    assert!(lands(&handle_at(&mut navigation, latest, lost())));
+}
+
+#[test]
 fn drone_with_critical_battery_lands_immediately() {
     let mut navigation = waiting_to_land();
     let Input::Telemetry(charged) = at_rest_at(LANDING) else {

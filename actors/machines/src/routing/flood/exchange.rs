@@ -106,8 +106,7 @@ impl FloodPolicy {
         self.heard_at
             .retain(|_, heard_at| now.since(*heard_at) <= time_to_live);
         let heard: NodeSet = self.heard_at.keys().copied().collect();
-        self.deaf = self.deaf.intersection(&heard);
-        shared.report_deaf(self.deaf.clone());
+        shared.report_deaf(shared.deaf().intersection(&heard));
         // The master is no member, but its landing must become known. Drones that hear it themselves may be landing,
         // too.
         let landing_master = shared.master().filter(|_| shared.master_lands());

@@ -61,8 +61,6 @@ pub(super) struct FloodPolicy {
     reheard: BTreeSet<NodeId>,
     /// When each neighbour was last heard.
     heard_at: BTreeMap<NodeId, Timestamp>,
-    /// Neighbours that last reported not to hear this drone.
-    deaf: NodeSet,
     /// When the parent last reported that it hears this drone.
     parent_heard_at: Timestamp,
     heartbeat_rose_at: Timestamp,
@@ -83,7 +81,6 @@ impl FloodPolicy {
             members: Members::default(),
             reheard: BTreeSet::new(),
             heard_at: BTreeMap::new(),
-            deaf: NodeSet::new(),
             parent_heard_at: now,
             heartbeat_rose_at: now,
             next_send: None,
@@ -140,19 +137,6 @@ impl FloodPolicy {
         true
     }
 
-    /// Records whether a neighbour hears this drone, and reports a change.
-    fn record_hearing(&mut self, shared: &mut SharedState, id: NodeId, hears_own: bool) {
-        if hears_own != self.deaf.contains(id) {
-            return;
-        }
-        if hears_own {
-            self.deaf = self.deaf.difference(&id.into());
-        } else {
-            self.deaf.insert(id);
-        }
-        shared.report_deaf(self.deaf.clone());
-    }
-
     fn drop_routes(&mut self, shared: &mut SharedState, now: Timestamp) {
         if self.durable.phase == Phase::Following {
             self.durable.phase = Phase::RoutesLost;
@@ -180,7 +164,7 @@ impl Policy for FloodPolicy {
         };
         self.heard_at.insert(sender, now);
         if let Packet::Flood(flood) = &packet {
-            self.record_hearing(shared, sender, flood.hears.contains(shared.id));
+            shared.record_hearing(sender, flood.hears.contains(shared.id));
         }
         let symmetry = match &packet {
             Packet::Flood(flood) if flood.hears.contains(shared.id) => LinkSymmetry::Symmetric,
