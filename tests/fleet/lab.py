@@ -27,6 +27,11 @@ def wait_until(what, condition, limit_s=60.0):
     raise AssertionError(f"not within {limit_s:.0f} s: {what}")
 
 
+def show(what, start=None, **figures):
+    took = "" if start is None else f" in {time.monotonic() - start:.1f} s"
+    print(f"{what}{took}", *(f"{key}={value}" for key, value in figures.items()), flush=True)
+
+
 class Host:
     """A host: a network namespace, a root file system of its own, and systemd as its first process."""
 
