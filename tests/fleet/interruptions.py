@@ -64,7 +64,7 @@ def interrupted(bench, kills, cuts, seed):
         rows.append((what, met, took_s))
         show(f"{what}{f' ({lost.name})' if lost else ''} after {after_s:.1f} s, {met}: the next apply ends well", took=f"{took_s:.1f}s")
     table(rows, longest_s)
-    bench.write_fleet()
+    bench.write_fleet(flight=7)
     applied(bench, "0.1.2")
 
 

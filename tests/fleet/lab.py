@@ -121,8 +121,13 @@ class Host:
         time.sleep(off_s)
 
     def remove_cgroups(self):
-        for cgroup in self.cgroups():
-            run("find", str(cgroup), "-depth", "-type", "d", "-delete", check=False)
+        def are_gone():
+            for cgroup in self.cgroups():
+                run("find", str(cgroup), "-depth", "-type", "d", "-delete", check=False)
+            return not any(cgroup.exists() for cgroup in self.cgroups())
+
+        # Killed processes are in them for a moment.
+        wait_until(f"control groups of {self.name} are gone", are_gone, 10)
 
     def unplug(self, is_unplugged=True):
         """Cuts the host off the network, or back on."""
