@@ -60,9 +60,10 @@ def interrupted(bench, kills, cuts, seed):
             bench.assert_way_back()
         took_s = applied(bench, version)
         bench.assert_no_half_slots()
-        what = "apply killed" if lost is None else "power of a host cut"
+        what = "power of a host cut" if lost else "apply killed"
         rows.append((what, met, took_s))
-        show(f"{what}{f' ({lost.name})' if lost else ''} after {after_s:.1f} s, {met}: the next apply ends well", took=f"{took_s:.1f}s")
+        where = f", {lost.name}" if lost else ""
+        show(f"{what} after {after_s:.1f} s{where}, {met}: the next apply ends well", took=f"{took_s:.1f}s")
     table(rows, longest_s)
     bench.write_fleet(flight=7)
     applied(bench, "0.1.2")

@@ -431,6 +431,9 @@ def serial_port_and_quic(bench):
     # Motors may hang on a serial port: nothing arms them.
     port = 'controller = "serial:/dev/ttyACM0"\nreceiver = "sole"\nstage = "bench"'
     bench.write_fleet(suffix="-user", flight=9, transport="quic", controller=port)
+    # Those that still speak UDP would not hear the canary.
+    for it in bench.hosts:
+        it.ssh("sudo", "systemctl", "stop", f"musterd@{it.number}", suffix="-user")
     code, report, errors = bench.apply("0.1.2")
     assert code == 0, (report, errors)
     bench.assert_all_run("0.1.2")
