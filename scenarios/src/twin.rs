@@ -16,8 +16,8 @@ use muster_runtime::vehicle::VehicleState;
 use crate::engine::Progress;
 use crate::report::{Flight, Report, summary};
 use crate::scenario::{DroneFault, Fault, FaultKind, Scenario};
-use crate::world::Mirror;
 pub use crate::world::ProcessState;
+use crate::world::{Ending, Mirror};
 
 /// The twin of a swarm.
 #[derive(Debug)]
@@ -153,7 +153,16 @@ impl Twin {
     /// The report of the flight.
     #[must_use]
     pub fn finish(self, scenario: &Scenario, wall: Duration) -> (Report, Flight) {
-        summary(scenario, None, &self.mirror.finish(), wall)
+        summary(scenario, None, &self.mirror.finish(Ending::Flown), wall)
+    }
+
+    /// The report of what was flown until now. Drones in the air break no rule.
+    #[must_use]
+    pub fn interrupt(self, scenario: &Scenario, wall: Duration) -> (Report, Flight) {
+        let outcome = self.mirror.finish(Ending::Interrupted);
+        let (mut report, flight) = summary(scenario, None, &outcome, wall);
+        report.set_interrupted();
+        (report, flight)
     }
 }
 
@@ -216,7 +225,7 @@ mod tests {
             .collect();
         reports.extend(ends);
         reports.sort_by_key(|(at, ..)| *at);
-        let simulated = summary(scenario, None, &world.finish(), Duration::ZERO);
+        let simulated = summary(scenario, None, &world.finish(Ending::Flown), Duration::ZERO);
         let mut followed = scenario.clone();
         followed.faults = faults.to_vec();
         let mut twin = Twin::new(&followed, delay);

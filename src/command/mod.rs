@@ -109,6 +109,9 @@ enum Failure {
     Write(#[from] WriteError),
     #[error("the flight failed")]
     Swarm(#[source] Box<SwarmError>),
+    /// A signal ended a flight. Its report is written.
+    #[error("interrupted before the end of the flight; no process is left")]
+    Interrupted,
     #[error("{0} of {1} drones do not answer")]
     NoAnswer(usize, usize),
     #[error(transparent)]

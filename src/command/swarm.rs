@@ -21,7 +21,7 @@ use super::{Failure, Outcome, folder, terminal};
 /// UDP or QUIC; the vehicles are simulated, in this process if they have flight controllers. The scenario's faults are
 /// injected into the processes: SIGKILL for a kill, SIGSTOP for a hang. The scenario's radio model limits who hears whom. The
 /// rules of the simulation are checked, except those about the input of a drone and about RC. No process is left at the end,
-/// even after an error.
+/// even after an error. Ctrl-C ends the flight at once; the report of what was flown is written, and the exit code is 1.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster swarm swarm-short --unlimited-range --json | jq .mission_completed
@@ -135,7 +135,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     } else {
         print(&report, &written, &recordings)?;
     }
-    Ok(Outcome::from(&report))
+    match Outcome::from(&report) {
+        Outcome::MissionIncomplete if report.interrupted => Err(Failure::Interrupted),
+        outcome => Ok(outcome),
+    }
 }
 
 /// Writes the files of a flight and shows how to start its processes.

@@ -27,6 +27,11 @@ def wait_until(what, condition, limit_s=60.0):
     raise AssertionError(f"not within {limit_s:.0f} s: {what}")
 
 
+def show(what, start=None, **figures):
+    took = "" if start is None else f" in {time.monotonic() - start:.1f} s"
+    print(f"{what}{took}", *(f"{key}={value}" for key, value in figures.items()), flush=True)
+
+
 class Host:
     """A host: a network namespace, a root file system of its own, and systemd as its first process."""
 
@@ -116,8 +121,13 @@ class Host:
         time.sleep(off_s)
 
     def remove_cgroups(self):
-        for cgroup in self.cgroups():
-            run("find", str(cgroup), "-depth", "-type", "d", "-delete", check=False)
+        def are_gone():
+            for cgroup in self.cgroups():
+                run("find", str(cgroup), "-depth", "-type", "d", "-delete", check=False)
+            return not any(cgroup.exists() for cgroup in self.cgroups())
+
+        # Killed processes are in them for a moment.
+        wait_until(f"control groups of {self.name} are gone", are_gone, 10)
 
     def unplug(self, is_unplugged=True):
         """Cuts the host off the network, or back on."""

@@ -90,14 +90,15 @@ def by_slurm(lab, shared, words):
     start = time.monotonic()
     lab.hosts[0].ssh(str(shared / "many/submit.sh"))
     parts = shared / "many/parts"
-    wait_until("half of the shards have begun", lambda: len(list(parts.iterdir())) >= SHARDS // 2, 600)
+    flown = lambda: len(list(parts.glob("*/summary.html")))
+    wait_until("half of the shards are flown", lambda: flown() >= SHARDS // 2, 1_200)
     # The controller's own node stays.
     busy = lambda: [it for it in lab.hosts[1:] if it.name in running(lab)]
     wait_until("a node has a task to lose", busy)
     lost = busy()[0]
     lost.is_wanted = False
     lost.cut_power()
-    print(f"power of {lost.name} cut after {time.monotonic() - start:.1f} s", flush=True)
+    print(f"power of {lost.name} cut after {time.monotonic() - start:.1f} s, {flown()} of {SHARDS} shards flown", flush=True)
     whole = shared / "many/whole"
     wait_until("the shards are joined", lambda: (whole / "summary.html").exists(), 1_200)
     wait_until("no job is left", lambda: not lab.hosts[0].ssh("squeue", "--noheader").stdout.strip(), 60)

@@ -347,6 +347,39 @@ fn no_process_outlives_its_starter() {
 }
 
 #[test]
+fn interrupted_flight_reports_what_was_flown() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    let mut command = swarm("hardware/swarm-short.toml", &out);
+    let piped = command.stdout(Stdio::piped()).stderr(Stdio::piped());
+    let starter = piped.arg("--json").spawn().unwrap();
+    wait_until("a drone flies", || {
+        let mut status = Command::new(env!("CARGO_BIN_EXE_muster"));
+        let run = status.arg("status").arg(&out).arg("--json").output();
+        String::from_utf8_lossy(&run.unwrap().stdout).contains("\"in_flight\":true")
+    });
+    let pid = starter.id().to_string();
+    let sent = Command::new("kill").args(["-INT", &pid]).status();
+    assert!(sent.unwrap().success());
+    let run = starter.wait_with_output().unwrap();
+    assert_eq!(processes_of(&out), [0; 0]);
+    assert_eq!(run.status.code(), Some(1), "{run:?}");
+    let said = String::from_utf8_lossy(&run.stderr);
+    assert!(said.contains("interrupted before the end"), "{said}");
+    let report: Value = serde_json::from_slice(&run.stdout).unwrap();
+    assert_eq!(report["interrupted"], true);
+    assert_eq!(report["mission_completed"], false);
+    assert_eq!(report["violations"], Value::Array(Vec::new()));
+    let flown_s = report["simulated_s"].as_f64().unwrap();
+    assert!(flown_s > 0.0 && flown_s < 60.0, "{flown_s}");
+    let written: Value =
+        serde_json::from_slice(&fs::read(out.join("report.json")).unwrap()).unwrap();
+    assert_eq!(written, report);
+    let page = fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains(", then interrupted"));
+}
+
+#[test]
 fn scenarios_for_simulation_only_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let refused = |scenario: &str, expected: &str| {

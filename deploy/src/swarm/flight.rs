@@ -82,8 +82,8 @@ async fn fly_with<'a>(
     while !swarm.twin.is_flown() {
         tokio::select! {
             biased;
-            _ = terminate.recv() => return Err(SwarmError::Interrupted),
-            _ = interrupt.recv() => return Err(SwarmError::Interrupted),
+            _ = terminate.recv() => return Ok(swarm.interrupt()),
+            _ = interrupt.recv() => return Ok(swarm.interrupt()),
             event = swarm.launchers.events.recv() => swarm.handle_event(event)?,
             _ = ticks.tick() => {
                 swarm.advance();
@@ -303,6 +303,13 @@ impl<'a> Swarm<'a> {
         if self.request.emulates_radio {
             self.losses.send_changes(&self.twin, &self.processes);
         }
+    }
+
+    /// The report of what was flown until now. The launchers end the processes.
+    fn interrupt(mut self) -> (Report, Flight) {
+        self.advance();
+        let elapsed = self.elapsed();
+        self.twin.interrupt(self.request.scenario, elapsed)
     }
 
     /// Waits for the processes to exit by themselves and passes their last reports to the twin. Their launchers kill

@@ -152,15 +152,13 @@ pub enum SwarmError {
     /// The asynchronous runtime did not start, or could not watch processes or signals.
     #[error("can't start the asynchronous runtime")]
     Runtime(#[source] io::Error),
-    /// SIGINT or SIGTERM ended it.
-    #[error("interrupted before the end of the flight; no process is left")]
-    Interrupted,
 }
 
 /// Time for a process to get ready, and for a launcher to answer first.
 const START_MAX: Duration = Duration::from_secs(10);
 
-/// Flies a scenario with one process per drone, and checks the rules.
+/// Flies a scenario with one process per drone, and checks the rules. SIGINT and SIGTERM end the processes at once; the report
+/// then says what was flown, and that the flight was interrupted.
 ///
 /// # Errors
 /// If processes can't fly the scenario, or can't be started, or the flight is aborted. No process is left then.

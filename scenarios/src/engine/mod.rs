@@ -12,7 +12,7 @@ pub(crate) use self::run_limit::RunLimit;
 pub use crate::report::Engine;
 use crate::report::{Flight, Report, summary};
 use crate::scenario::Scenario;
-use crate::world::{Outcome, World};
+use crate::world::{Ending, Outcome, World};
 
 /// Why a run could not start. The cause is the computer or this program, never the scenario. It leaves nothing behind.
 #[derive(Debug, Error)]
@@ -92,7 +92,7 @@ fn fly_world(
         Engine::Actors => actors::run(scenario, world, meter)?,
         Engine::Events => events::run(scenario, world, meter),
     };
-    Ok(world.finish())
+    Ok(world.finish(Ending::Flown))
 }
 
 /// The world of a scenario after it was flown.

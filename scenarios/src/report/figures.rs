@@ -127,6 +127,12 @@ impl Report {
         self.command.push_str(&format!(" --firmware {program}"));
     }
 
+    /// Says that the flight was ended before its drones had landed.
+    pub const fn set_interrupted(&mut self) {
+        self.interrupted = true;
+        self.mission_completed = false;
+    }
+
     /// File name of the scenario without folder and extension.
     #[must_use]
     pub fn name(&self) -> &str {

@@ -105,8 +105,11 @@ pub struct Report {
     pub medium: Option<MediumCounters>,
     /// Closest approach of two flying drones, straight-line; `None` for fewer than two drones.
     pub min_separation_m: Option<f64>,
-    /// Whether the remaining swarm reached the last waypoint and left it to land.
+    /// Whether the remaining swarm reached the last waypoint and left it to land. `false` if the flight was interrupted.
     pub mission_completed: bool,
+    /// Whether a signal ended the flight before the drones had landed. Omitted if false.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub interrupted: bool,
     /// Violated rules.
     pub violations: Vec<Violation>,
     /// Whether rule checks were off: the run measures cost only. Omitted if false.

@@ -65,6 +65,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         never_met: vec![],
         dropped: BTreeMap::new(),
         medium: None,
+        interrupted: false,
         unchecked: false,
         relays: Vec::new(),
         mission_completed: true,

@@ -101,6 +101,7 @@ impl Run<'_> {
             medium: medium(self.scenario, outcome),
             min_separation_m: outcome.closest_m,
             mission_completed: is_completed(swarm, &flown.recorder),
+            interrupted: false,
             violations: outcome.violations.iter().map(Violation::from).collect(),
             unchecked: self.scenario.unchecked,
             others: Vec::new(),

@@ -266,6 +266,8 @@ fn incomplete_mission(report: &Report) -> &'static str {
     let has_flown = |drone: &DroneReport| drone.waypoints > 0 || drone.landed_because.is_some();
     if !report.violations.is_empty() {
         "not completed: the run stopped when a rule was broken"
+    } else if report.interrupted {
+        "not completed: the flight was interrupted"
     } else if report.unchecked {
         "not completed"
     } else if report.drones.iter().any(has_flown) {

@@ -305,12 +305,12 @@ impl Airspace {
         }
     }
 
-    /// Ends all paths. `is_stuck`: a controller that hangs can't disarm. Returns the vehicles, and how close two of them came in
-    /// flight, in metres.
+    /// Ends all paths. `may_be_armed`: these break no rule if they are still armed. Returns the vehicles, and how close two of
+    /// them came in flight, in metres.
     pub(super) fn finish(
         mut self,
         core: &mut Core,
-        is_stuck: impl Fn(NodeId) -> bool,
+        may_be_armed: impl Fn(NodeId) -> bool,
     ) -> (Vec<Vehicle>, Option<f64>) {
         for id in (0..).map(NodeId).take(self.vehicles.len()) {
             self.end_path(core, id);
@@ -318,7 +318,7 @@ impl Airspace {
         let armed = (0..)
             .map(NodeId)
             .zip(&self.vehicles)
-            .filter(|(id, vehicle)| vehicle.is_armed() && !is_stuck(*id))
+            .filter(|(id, vehicle)| vehicle.is_armed() && !may_be_armed(*id))
             .map(|(id, _)| id);
         core.checkers.landed(core.timeline.now(), armed);
         let closest_m = self.separation.and_then(|it| it.closest_m());

@@ -14,7 +14,7 @@ use muster_runtime::vehicle::VehicleState;
 
 use super::controllers::LOOK_EVERY;
 use super::event::{Event, ProcessEvent, Silence};
-use super::{Outcome, World};
+use super::{Ending, Outcome, World};
 use crate::scenario::{DroneFault, Scenario};
 
 /// How much longer than its timeout an actor of a process may hang until its supervisor has restarted it.
@@ -217,8 +217,8 @@ impl Mirror {
         self.world.scene.is_over() || self.world.scene.core.timeline.is_up()
     }
 
-    pub(crate) fn finish(self) -> Outcome {
-        self.world.finish()
+    pub(crate) fn finish(self, ending: Ending) -> Outcome {
+        self.world.finish(ending)
     }
 
     /// Handles an event as the world does, except that processes follow by other means.

@@ -56,7 +56,7 @@ use self::links::relays_frames;
 pub(crate) use self::message::{Task, What};
 pub(crate) use self::mirror::Mirror;
 pub use self::mirror::ProcessState;
-pub(crate) use self::outcome::{Outcome, SwarmOutcome, track};
+pub(crate) use self::outcome::{Ending, Outcome, SwarmOutcome, track};
 pub use self::pilot::Pilot;
 pub(crate) use self::recorder::{Incident, LINKED_NODES_MAX, Record, Recorder};
 use self::scene::Scene;
@@ -246,11 +246,11 @@ impl World {
     }
 
     /// Ends the run: the last checks, and the outcome.
-    pub(crate) fn finish(mut self) -> Outcome {
+    pub(crate) fn finish(mut self, ending: Ending) -> Outcome {
         let (core, controllers) = (&mut self.scene.core, &self.scene.controllers);
         let now = core.now();
-        let is_stuck = |id| controllers.is_frozen(now, id);
-        let (vehicles, closest_m) = (self.scene.airspace).finish(core, is_stuck);
+        let may_be_armed = |id| ending == Ending::Interrupted || controllers.is_frozen(now, id);
+        let (vehicles, closest_m) = (self.scene.airspace).finish(core, may_be_armed);
         let ended = self.scene.core.now();
         let mut ports = (0..).map(NodeId).map(|id| controllers.figures(id));
         let mut controls = (0..).map(NodeId).map(|id| controllers.series(id));

@@ -13,6 +13,15 @@ use super::recorder::{Record, Recorder};
 use crate::checkers::Violation;
 use crate::report::ControlSeries;
 
+/// How a run ends.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Ending {
+    /// The flight is over: all drones must have disarmed.
+    Flown,
+    /// The operator ended it; drones may be in the air.
+    Interrupted,
+}
+
 /// The outcome of a run.
 #[derive(Debug)]
 pub(crate) struct Outcome {

@@ -83,7 +83,10 @@ fn head(report: &Report) -> Markup {
                         dd { (figure(report.wall_s, 2)) " s" @if let Some(speedup_text) = speedup_text(report) { span.aside { (speedup_text) } } }
                     }
                 } @else {
-                    div { dt { "Duration" } dd { (figure(report.simulated_s, 1)) " s " span.aside { "in real time" } } }
+                    div { dt { "Duration" } dd {
+                        (figure(report.simulated_s, 1)) " s "
+                        span.aside { "in real time" @if report.interrupted { ", then interrupted" } }
+                    } }
                     @if let Some(uncertainty_s) = report.clock_uncertainty_s {
                         div { dt { "Clock error at most" } dd { (figure(uncertainty_s * 1e3, 2)) " ms" } }
                     }

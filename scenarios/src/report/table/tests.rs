@@ -23,6 +23,9 @@ fn incomplete_mission_says_landed_only_if_drones_landed() {
     let (mut report, _) = sample::faulty();
     report.violations.clear();
     assert!(incomplete_mission(&report).contains("landed"));
+    let mut interrupted = report.clone();
+    interrupted.set_interrupted();
+    assert!(incomplete_mission(&interrupted).ends_with("interrupted"));
     let (broken, _) = sample::faulty();
     assert!(!broken.violations.is_empty() && !incomplete_mission(&broken).contains("landed"));
     for drone in &mut report.drones {
