@@ -204,3 +204,36 @@ fn broken_flats_are_refused_with_the_place() {
         (name, refused.and_then(|error| contains(&error, texts)))
     }));
 }
+
+#[test]
+fn other_kinds_of_files_are_named_with_what_is_accepted() {
+    let scenario = include_str!("../../scenarios/barriers.toml");
+    let cases: [(&str, &str, &[&str]); 4] = [
+        (
+            "scenario.toml",
+            scenario,
+            &["scenario.toml", "no flat", "`plan`", "YAML"],
+        ),
+        (
+            "empty.toml",
+            "",
+            &["empty.toml", "no flat", "`plan`", "YAML"],
+        ),
+        (
+            "flat.yaml",
+            FLAT,
+            &["flat.yaml", "this is TOML", "`image`", "`.toml`"],
+        ),
+        (
+            "scenario.yaml",
+            scenario,
+            &["scenario.yaml", "this is TOML", "`image`", "`.toml`"],
+        ),
+    ];
+    assert_all(cases.iter().map(|(name, text, texts)| {
+        let folder = Folder::new();
+        folder.write(name, text);
+        let refused = folder.refused(&["map", "check", &format!("./{name}")]);
+        (name, refused.and_then(|error| contains(&error, texts)))
+    }));
+}

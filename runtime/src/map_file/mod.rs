@@ -16,7 +16,12 @@ use crate::diagnostic::{BadInput, read_bytes, read_text};
 /// If the map or its image can't be used; the error names the file at fault.
 pub fn load(path: &Path) -> Result<Map, BadInput> {
     let text = read_text(path)?;
-    let header = Header::parse(&text).map_err(|refusal| refused(path, &text, refusal))?;
+    let header = Header::parse(&text).map_err(|refusal| {
+        if is_toml(&text) {
+            return no_yaml(path);
+        }
+        refused(path, &text, refusal)
+    })?;
     let image_path = image_path(path, &header);
     let image = match &image_path {
         Some(image_path) => read_bytes(image_path, IMAGE_SIZE_MAX as u64)?,
@@ -30,6 +35,18 @@ pub fn load(path: &Path) -> Result<Map, BadInput> {
             "give a whole PGM or PNG image, one pixel a cell",
         ),
     })
+}
+
+/// Whether a text is TOML with a field at least.
+fn is_toml(text: &str) -> bool {
+    let table = text.parse::<toml::Table>();
+    table.is_ok_and(|it| !it.is_empty())
+}
+
+/// The error for a flat or other TOML in the place of a map.
+fn no_yaml(path: &Path) -> BadInput {
+    let help = "a map is YAML with `image` or `plan`; a flat's name ends with `.toml`";
+    BadInput::without_excerpt(path, "this is TOML, and a map is YAML", help)
 }
 
 /// The path of the image that a map names; `None` if the map is drawn as text.

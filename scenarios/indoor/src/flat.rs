@@ -127,7 +127,14 @@ impl Flat {
     /// # Errors
     /// If it can't be used, with the place.
     pub fn parse(path: &Path, text: &str) -> Result<Self, BadInput> {
-        let file: TomlFile<Raw> = TomlFile::parse(path, text.to_owned(), FORMAT)?;
+        let file: TomlFile<Raw> =
+            TomlFile::parse(path, text.to_owned(), FORMAT).map_err(|error| {
+                if draws_nothing(text) {
+                    no_flat(path)
+                } else {
+                    error
+                }
+            })?;
         let raw = &file.raw;
         let cell_m = *raw.cell_m.get_ref();
         if !(CHARACTER_M.0..=CHARACTER_M.1).contains(&cell_m) {
@@ -200,6 +207,21 @@ impl Flat {
             people,
         })
     }
+}
+
+/// Whether a text is TOML of another kind: it has neither a plan nor the size of a plan's characters.
+fn draws_nothing(text: &str) -> bool {
+    let table = text.parse::<toml::Table>();
+    table.is_ok_and(|it| !it.contains_key("plan") && !it.contains_key("cell_m"))
+}
+
+/// The error for a scenario, a drone's configuration or other TOML in the place of a flat.
+fn no_flat(path: &Path) -> BadInput {
+    let help = format!(
+        "{}; a map is YAML with `image` or `plan`",
+        FORMAT.description
+    );
+    BadInput::without_excerpt(path, "this TOML file is no flat: it has no `plan`", help)
 }
 
 /// A plan with each character repeated, in both directions.

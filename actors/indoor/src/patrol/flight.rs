@@ -1,6 +1,6 @@
 //! From where to fly to a velocity: what is near, the direction that avoids it, and the guard.
 
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_PI_2, TAU};
 
 use muster_machines::indoor::Velocity;
 use muster_machines::time::Timestamp;
@@ -155,15 +155,23 @@ impl Flight {
                 else {
                     return turn(0.0);
                 };
-                let off_rad = wrapped_rad(direction_rad - leading_rad);
                 let turn_max = config.limits.turn_rate_max_rps;
+                let turn_to = |bearing_rad: f64| {
+                    let off_rad = wrapped_rad(bearing_rad - leading_rad);
+                    (TURN_GAIN * off_rad).clamp(-turn_max, turn_max)
+                };
+                // Away from where it leads is no way: the drone waits and looks along it; the route finds another.
+                let bearing_rad = libm::atan2(seen.y_m, seen.x_m);
+                if wrapped_rad(direction_rad - bearing_rad).abs() > FRAC_PI_2 {
+                    return turn(turn_to(bearing_rad));
+                }
                 let gentle_mps =
                     libm::sqrt(2.0 * GENTLE * config.acceleration_mps2 * left_m.max(0.0));
                 let speed_mps = speed_mps.min(gentle_mps);
                 let wanted = Velocity {
                     forward_mps: speed_mps * libm::cos(direction_rad),
                     left_mps: speed_mps * libm::sin(direction_rad),
-                    turn_rps: (TURN_GAIN * off_rad).clamp(-turn_max, turn_max),
+                    turn_rps: turn_to(direction_rad),
                 };
                 guarded(wanted, &watches, config.acceleration_mps2)
             }

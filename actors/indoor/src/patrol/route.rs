@@ -77,6 +77,8 @@ struct Stop {
 #[derive(Debug)]
 pub(super) struct Route {
     stops: VecDeque<Stop>,
+    /// Stops in a row to which there was no way.
+    passed_over: usize,
     extra: usize,
     /// What was seen, or tried to be seen from extra stops.
     tried: Seen,
@@ -95,6 +97,7 @@ impl Route {
         let stops = config.stops.iter().map(|at| Stop { at: *at, tries: 0 });
         Self {
             stops: stops.collect(),
+            passed_over: 0,
             extra: 0,
             tried: Seen::none(config.places.targets().len()),
             phase: Phase::Choosing,
@@ -133,8 +136,9 @@ impl Route {
                 let (floor, search) = &mut **search;
                 match search.advance(floor, CELLS_A_STEP) {
                     Found::NotYet => Order::Wait,
-                    Found::Nothing => self.no_way(now),
+                    Found::Nothing => self.no_way(now, config, pose),
                     Found::Way(way) => {
+                        self.passed_over = 0;
                         self.phase = Phase::Flying(way);
                         self.fly(now, config, pose, seen)
                     }
@@ -144,7 +148,12 @@ impl Route {
             Phase::Looking(left_rad) => {
                 *left_rad -= turned.abs();
                 if *left_rad <= 0.0 || adds(config, pose, seen) == 0 {
-                    self.stops.pop_front();
+                    // What isn't seen from here is not tried again.
+                    if let Some(stop) = self.stops.pop_front() {
+                        let (map, view) = (config.floor.map(), config.view.all_round());
+                        let targets = config.places.targets();
+                        targets.look(map, at(stop.at), view, &mut self.tried);
+                    }
                     self.phase = Phase::Choosing;
                 }
                 Order::Look
@@ -173,10 +182,6 @@ impl Route {
                 at: place,
                 tries: 0,
             });
-            // What isn't seen from there either is not tried again.
-            let (map, view) = (config.floor.map(), config.view.all_round());
-            let targets = config.places.targets();
-            targets.look(map, at(place), view, &mut self.tried);
         }
         if self.stops.is_empty() {
             self.phase = Phase::Done;
@@ -209,7 +214,7 @@ impl Route {
         let start = floor.nearest_free(pose.at, BESIDE_M);
         let goal = floor.nearest_free(stop.at, BESIDE_M);
         let (Some(start), Some(goal)) = (start, goal) else {
-            return self.no_way(now);
+            return self.no_way(now, config, pose);
         };
         let search = Search::new(&floor, start, goal);
         self.phase = Phase::Searching(Box::new((floor, search)));
@@ -258,24 +263,32 @@ impl Route {
         }
     }
 
-    /// There is no way: the drone waits; after some tries, other stops come first.
-    fn no_way(&mut self, now: Timestamp) -> Order {
-        self.obstacles.clear();
-        let given_up = self.tried();
-        let tries = self.stops.front().map_or(0, |stop| stop.tries);
-        if given_up.is_none() && tries.is_multiple_of(TRIES_BEFORE_OTHERS) {
-            let last = self.stops.len() - 1;
-            self.stops.swap(0, 1.min(last));
-        }
+    /// There is no way to the present stop: those come first to which there is one, so that who blocks the way can walk on. If
+    /// there is none to any, the drone waits.
+    fn no_way(&mut self, now: Timestamp, config: &Config, pose: MapPose) -> Order {
         self.phase = Phase::Waiting(now + PATIENCE);
-        given_up.map_or(Order::Wait, Order::GiveUp)
+        // What blocks the way was counted when it was met.
+        if self.obstacles.is_empty() {
+            return self.tried().map_or(Order::Wait, Order::GiveUp);
+        }
+        self.stops.rotate_left(1);
+        self.passed_over += 1;
+        if self.passed_over < self.stops.len() {
+            return self.search(now, config, pose);
+        }
+        self.passed_over = 0;
+        self.obstacles.clear();
+        Order::Wait
     }
 
-    /// Counts a try of the present stop; the stop, if it is given up.
+    /// Counts a try of the present stop; after some, the next stop comes first. The stop, if it is given up.
     fn tried(&mut self) -> Option<MapXy> {
         let stop = self.stops.front_mut()?;
         stop.tries += 1;
         if stop.tries < TRIES_MAX {
+            if stop.tries.is_multiple_of(TRIES_BEFORE_OTHERS) && self.stops.len() > 1 {
+                self.stops.swap(0, 1);
+            }
             return None;
         }
         self.phase = Phase::Choosing;

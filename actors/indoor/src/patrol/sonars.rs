@@ -21,8 +21,6 @@ const ECHOES_MIN: u32 = 24;
 const ECHO_HOLDS: Duration = Duration::from_millis(1_500);
 /// Echoes from nearer than this are stuck if the map has nothing there, in metres.
 const TOUCHING_M: f64 = 0.1;
-/// Walls up to so far must echo, in metres: three quarters of an HC-SR04's range.
-const MUST_ECHO_M: f64 = 3.0;
 /// Share of the cone, about its axis, in which a wall must echo: at its edges the pose decides.
 const MUST_ECHO_CONE: f64 = 0.5;
 /// Distance by which the map's walls may be off, in metres: walls and pose.
@@ -189,9 +187,10 @@ fn sign(map: &Map, pose: MapPose, reading: &Reading) -> Sign {
         }
         Echo::At(_) => Sign::Works,
         Echo::Silence => {
+            // A wall that is in range also if map and pose err must echo.
             let middle = Mounting {
                 aperture_rad: MUST_ECHO_CONE * mounting.aperture_rad,
-                range_max_m: MUST_ECHO_M.min(mounting.range_max_m),
+                range_max_m: mounting.range_max_m - TOLERANCE_M,
                 ..*mounting
             };
             match expected_m(map, pose, &middle) {
