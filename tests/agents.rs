@@ -66,6 +66,26 @@ fn drone_on_a_lane_stops_for_a_dead_one_above() {
 }
 
 #[test]
+fn drone_without_position_waits_for_one_that_passes_below_it() {
+    install();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
+    let report = fly(&Sim::load(folder.join("passes-below-a-lost-drone.toml")).unwrap());
+    assert!(highest(&report, "finds") > 2.5);
+}
+
+#[test]
+fn drones_on_lanes_that_hear_nobody_land() {
+    install();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
+    let jammed = Sim::load(folder.join("jammed-on-a-lane.toml")).unwrap();
+    let report = fly(&jammed);
+    assert!(!report.mission_completed);
+    let alone = jammed.set("failsafe.alone", "carry-on").unwrap();
+    let broken = alone.run().unwrap().report.violations;
+    assert_eq!(broken.first().map(|it| it.rule), Some(4));
+}
+
+#[test]
 fn restarted_process_continues_its_task_with_the_whole_roster() {
     install();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
