@@ -104,7 +104,7 @@ fn maps_are_found_by_name_and_what_is_off_them_is_refused() {
     assert!(output.contains("flat: OK: "), "{output}");
     let locate = |argument: &'static str| vec!["map", "locate", "flat", "drive.log", argument];
     for (arguments, says) in [
-        (vec!["map", "check", "./scenario.toml"], "unknown field"),
+        (vec!["map", "check", "./scenario.toml"], "is no flat"),
         (locate("--range=nan"), "a number from 0.1 to 1000"),
         (locate("--range=-5"), "a number from 0.1 to 1000"),
         (locate("--start=500,0,0"), "is off the map"),

@@ -214,11 +214,7 @@ fn other_kinds_of_files_are_named_with_what_is_accepted() {
             scenario,
             &["scenario.toml", "no flat", "`plan`", "YAML"],
         ),
-        (
-            "empty.toml",
-            "",
-            &["empty.toml", "no flat", "`plan`", "YAML"],
-        ),
+        ("empty.toml", "", &["empty.toml", "the file is empty"]),
         (
             "flat.yaml",
             FLAT,
