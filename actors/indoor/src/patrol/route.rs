@@ -136,7 +136,7 @@ impl Route {
                 let (floor, search) = &mut **search;
                 match search.advance(floor, CELLS_A_STEP) {
                     Found::NotYet => Order::Wait,
-                    Found::Nothing => self.no_way(now, config, pose),
+                    Found::Nothing => self.no_way(now, config, pose, true),
                     Found::Way(way) => {
                         self.passed_over = 0;
                         self.phase = Phase::Flying(way);
@@ -214,7 +214,7 @@ impl Route {
         let start = floor.nearest_free(pose.at, BESIDE_M);
         let goal = floor.nearest_free(stop.at, BESIDE_M);
         let (Some(start), Some(goal)) = (start, goal) else {
-            return self.no_way(now, config, pose);
+            return self.no_way(now, config, pose, start.is_some());
         };
         let search = Search::new(&floor, start, goal);
         self.phase = Phase::Searching(Box::new((floor, search)));
@@ -264,17 +264,19 @@ impl Route {
     }
 
     /// There is no way to the present stop: those come first to which there is one, so that who blocks the way can walk on. If
-    /// there is none to any, the drone waits.
-    fn no_way(&mut self, now: Timestamp, config: &Config, pose: MapPose) -> Order {
+    /// there is none to any, or the drone can't leave where it is, it waits.
+    fn no_way(&mut self, now: Timestamp, config: &Config, pose: MapPose, can_leave: bool) -> Order {
         self.phase = Phase::Waiting(now + PATIENCE);
         // What blocks the way was counted when it was met.
         if self.obstacles.is_empty() {
             return self.tried().map_or(Order::Wait, Order::GiveUp);
         }
-        self.stops.rotate_left(1);
-        self.passed_over += 1;
-        if self.passed_over < self.stops.len() {
-            return self.search(now, config, pose);
+        if can_leave {
+            self.stops.rotate_left(1);
+            self.passed_over += 1;
+            if self.passed_over < self.stops.len() {
+                return self.search(now, config, pose);
+            }
         }
         self.passed_over = 0;
         self.obstacles.clear();
