@@ -243,6 +243,9 @@ impl Controllers {
         tell: impl FnMut(PortEvent),
     ) -> Option<(Truth, Timestamp)> {
         let attached = self.get(drone)?;
+        // The link's timer ends before it is told what arrives now.
+        let is_silent = now.since(attached.heard_at) >= LOST_AFTER;
+        attached.is_lost |= attached.was_armed && is_silent;
         let truth = attached.exchange(now, state, tell);
         attached.look_for_loss(now, &truth);
         attached.wreck.look(truth.contact == Contact::Wreck);

@@ -16,7 +16,8 @@ const STATUS_MAX: Duration = Duration::from_millis(500);
 pub struct Introduction {
     /// Who it is, and the stage that is granted with it.
     identity: Option<(Box<Identity>, Stage)>,
-    status: Option<(Timestamp, Status)>,
+    /// The two newest statuses; a link believes what both say.
+    statuses: [Option<(Timestamp, Status)>; 2],
 }
 
 impl Introduction {
@@ -26,26 +27,31 @@ impl Introduction {
             PortEvent::Identified { identity, granted } => {
                 *self = Self {
                     identity: Some((identity.clone(), *granted)),
-                    status: None,
+                    statuses: [None, None],
                 }
             }
             PortEvent::Closed => *self = Self::default(),
-            PortEvent::Told(Told::Status(status)) => self.status = Some((now, status.clone())),
+            PortEvent::Told(Told::Status(status)) => {
+                self.statuses.rotate_left(1);
+                self.statuses[1] = Some((now, status.clone()));
+            }
             PortEvent::Told(_) | PortEvent::Pose(_) | PortEvent::Autopilot(_) => {}
         }
     }
 
-    /// What a link that has just started is told: who the controller is, and its newest status, so that the link gives RC
+    /// What a link that has just started is told: who the controller is, and its newest statuses, so that the link gives RC
     /// before the next one. Empty if the controller is not known.
     pub fn events(&self, now: Timestamp) -> impl Iterator<Item = PortEvent> + use<> {
         let identity = self.identity.clone();
-        let status = (self.status.as_ref())
-            .filter(|(at, _)| identity.is_some() && now.since(*at) < STATUS_MAX)
-            .map(|(_, status)| PortEvent::Told(Told::Status(status.clone())));
+        let is_told = |at: &Timestamp| self.identity.is_some() && now.since(*at) < STATUS_MAX;
+        let fresh = self.statuses.iter().flatten().filter(|(at, _)| is_told(at));
+        let statuses: Vec<_> = fresh
+            .map(|(_, status)| PortEvent::Told(Told::Status(status.clone())))
+            .collect();
         identity
             .map(|(identity, granted)| PortEvent::Identified { identity, granted })
             .into_iter()
-            .chain(status)
+            .chain(statuses)
     }
 }
 
@@ -78,8 +84,12 @@ mod tests {
         introduction.take(at(20), &told());
         let both = [identified(), told()];
         assert!(introduction.events(at(100)).eq(both));
-        assert!(introduction.events(at(520)).eq([identified()]), "stale");
-        introduction.take(at(530), &PortEvent::Closed);
-        assert_eq!(introduction.events(at(530)).count(), 0);
+        introduction.take(at(110), &told());
+        introduction.take(at(120), &told());
+        let all = [identified(), told(), told()];
+        assert!(introduction.events(at(130)).eq(all), "the two newest");
+        assert!(introduction.events(at(620)).eq([identified()]), "stale");
+        introduction.take(at(630), &PortEvent::Closed);
+        assert_eq!(introduction.events(at(630)).count(), 0);
     }
 }
