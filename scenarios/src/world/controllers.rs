@@ -4,7 +4,9 @@ use std::time::Duration;
 
 use muster_controller::{Contact, Controller, Fault, PoseSensor, Sticks, Truth};
 use muster_machines::identity::NodeId;
-use muster_machines::msp::controller::{ACKNOWLEDGED_MIN, LOST_AFTER, Receiver, Stage};
+use muster_machines::msp::controller::{
+    ACKNOWLEDGED_MIN, LOST_AFTER, Receiver, Stage, UNTOLD_AFTER,
+};
 use muster_machines::msp::{Introduction, PortEvent};
 use muster_machines::time::Timestamp;
 use muster_msp::{
@@ -39,6 +41,8 @@ struct Attached {
     is_identified: bool,
     /// The newest answer of an armed controller.
     heard_at: Timestamp,
+    /// The newest that was not too late to be used.
+    told_at: Timestamp,
     /// The drone's process must stop RC until the controller disarms: its failsafe flies, no answer came for
     /// too long, or too few RC frames were acknowledged.
     is_lost: bool,
@@ -115,6 +119,7 @@ impl Controllers {
                     is_open: true,
                     is_identified: false,
                     heard_at: Timestamp::ZERO,
+                    told_at: Timestamp::ZERO,
                     is_lost: false,
                     looked_at: None,
                     was_armed: false,
@@ -244,8 +249,7 @@ impl Controllers {
     ) -> Option<(Truth, Timestamp)> {
         let attached = self.get(drone)?;
         // The link's timer ends before it is told what arrives now.
-        let is_silent = now.since(attached.heard_at) >= LOST_AFTER;
-        attached.is_lost |= attached.was_armed && is_silent;
+        attached.is_lost |= attached.was_armed && attached.is_silent(now);
         let truth = attached.exchange(now, state, tell);
         attached.look_for_loss(now, &truth);
         attached.wreck.look(truth.contact == Contact::Wreck);
@@ -359,10 +363,14 @@ impl Attached {
 
     fn look_for_loss(&mut self, now: Timestamp, truth: &Truth) {
         if !truth.is_armed {
-            self.heard_at = now;
+            (self.heard_at, self.told_at) = (now, now);
             self.is_lost = false;
         }
-        self.is_lost |= truth.is_failsafe || now.since(self.heard_at) >= LOST_AFTER;
+        self.is_lost |= truth.is_failsafe || self.is_silent(now);
+    }
+
+    fn is_silent(&self, now: Timestamp) -> bool {
+        now.since(self.heard_at) >= LOST_AFTER || now.since(self.told_at) >= UNTOLD_AFTER
     }
 
     /// Notices that the port is closed, or opens it again.
@@ -392,6 +400,9 @@ impl Attached {
                 conversation.take(elapsed(now), &frame).map(|it| it.told)
             {
                 self.heard_at = now;
+                if telemetry != Told::Late {
+                    self.told_at = now;
+                }
                 events.push(PortEvent::Told(telemetry));
             }
         };

@@ -74,6 +74,14 @@ fn a_tenth_of_altered_bytes_loses_the_link_and_the_failsafe_brings_the_drone_dow
 }
 
 #[test]
+fn answers_that_all_come_too_late_lose_the_link_and_the_failsafe_brings_the_drone_down() {
+    for seed in SEEDS {
+        let delay = r#"{ at_s = 30, kind = "delay-bytes", drone = 1, by_ms = 60 }"#;
+        assert_came_down(&flown(seed, delay), seed);
+    }
+}
+
+#[test]
 fn a_port_that_is_closed_for_a_moment_stops_nobody() {
     for seed in SEEDS {
         let closed = r#"{ at_s = 30, kind = "close-port", drone = 1, for_s = 0.3 }"#;

@@ -14,6 +14,10 @@ use crate::time::Timestamp;
 /// delay, 1 s or more, comes down by itself.
 pub const LOST_AFTER: Duration = Duration::from_secs(1);
 
+/// Time without an answer that came early enough to be used, after which the link is lost although late ones come: then nothing
+/// is known of the aircraft. A stall of a moment makes some late.
+pub const UNTOLD_AFTER: Duration = Duration::from_secs(3);
+
 /// Of the newest [`RC_COUNTED`](muster_msp::RC_COUNTED) RC frames, how many must be acknowledged; with fewer the link to an armed
 /// controller is lost, too. With 2 % of all bytes altered 41 are; then ten frames in a row, after which Betaflight counts its
 /// receiver as lost and closes the throttle, are lost every ten seconds.
@@ -45,7 +49,10 @@ pub(super) struct Authority {
     taken: Taken,
     /// MSP had the sticks.
     was_overridden: bool,
+    /// Until an answer comes, late or not.
     silence: Silence,
+    /// Until an answer comes that can be used.
+    untold: Silence,
 }
 
 impl Authority {
@@ -56,6 +63,7 @@ impl Authority {
             taken,
             was_overridden: false,
             silence: Silence::new(LOST_AFTER, has_flown, now),
+            untold: Silence::new(UNTOLD_AFTER, has_flown, now),
         }
     }
 
@@ -73,9 +81,12 @@ impl Authority {
         !self.taken.by_failsafe
     }
 
-    /// The controller told something.
-    pub(super) fn heard(&mut self, now: Timestamp) {
+    /// The controller answered; `is_late`: too late to be used.
+    pub(super) fn heard(&mut self, now: Timestamp, is_late: bool) {
         self.silence.heard(now);
+        if !is_late {
+            self.untold.heard(now);
+        }
     }
 
     /// The controller has acknowledged that many of the newest RC frames. Returns whether the link has just been lost.
@@ -94,17 +105,21 @@ impl Authority {
             self.was_overridden = is_overridden;
         }
         self.silence.watch(now, reported.armed);
+        self.untold.watch(now, reported.armed);
         self.taken.by_failsafe = reported.armed && (self.taken.by_failsafe || reported.failsafe);
     }
 
     /// When to call [`Self::handle_timeout`].
-    pub(super) const fn deadline(&self) -> Option<Timestamp> {
-        self.silence.deadline()
+    pub(super) fn deadline(&self) -> Option<Timestamp> {
+        let deadlines = [self.silence.deadline(), self.untold.deadline()];
+        deadlines.into_iter().flatten().min()
     }
 
     /// Returns whether the link has just been lost: the controller was silent for too long.
     pub(super) fn handle_timeout(&mut self, now: Timestamp) -> bool {
-        let is_lost = self.silence.handle_timeout(now);
+        let [is_silent, is_untold] =
+            [&mut self.silence, &mut self.untold].map(|it| it.handle_timeout(now));
+        let is_lost = self.may_send() && (is_silent || is_untold);
         self.taken.by_failsafe |= is_lost;
         is_lost
     }
@@ -184,9 +199,19 @@ mod tests {
     }
 
     #[test]
+    fn answers_that_are_all_late_lose_an_armed_vehicle_after_three_seconds() {
+        let mut authority = authority(Taken::default());
+        for now in (100..3_000).step_by(100) {
+            authority.heard(at(now), true);
+            assert!(!authority.handle_timeout(at(now)), "{now} ms");
+        }
+        assert!(authority.handle_timeout(at(3_000)) && !authority.may_send());
+    }
+
+    #[test]
     fn silence_loses_an_armed_vehicle_unless_the_link_itself_was_held_up() {
         let mut authority = authority(Taken::default());
-        authority.heard(at(500));
+        authority.heard(at(500), false);
         assert!(!authority.handle_timeout(at(1_400)));
         assert!(!authority.handle_timeout(at(1_700)), "held up");
         assert!(authority.handle_timeout(at(2_700)) && !authority.may_send());

@@ -24,7 +24,7 @@ use muster_msp::{Status, Telemetry as Told};
 
 use self::arming::Arming;
 use self::authority::Authority;
-pub use self::authority::{ACKNOWLEDGED_MIN, LOST_AFTER, Taken};
+pub use self::authority::{ACKNOWLEDGED_MIN, LOST_AFTER, Taken, UNTOLD_AFTER};
 use self::battery::Gauge;
 pub use self::checkpoint::Flight;
 pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
@@ -146,7 +146,7 @@ impl ControllerLink {
             PortEvent::Told(told) => {
                 self.loops.estimator.predict(now);
                 if !matches!(told, Told::Acknowledged(_)) {
-                    self.authority.heard(now);
+                    self.authority.heard(now, matches!(told, Told::Late));
                 }
                 match told {
                     Told::Status(status) => self.handle_status(now, &status),
