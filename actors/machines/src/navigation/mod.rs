@@ -310,6 +310,8 @@ impl Navigation {
         let may_fly = !self.health.is_position_lost();
         let deconfliction = &mut self.deconfliction;
         let detour = deconfliction.landing_detour(now, column);
+        let is_on_detour =
+            !telemetry.at_rest && may_fly && deconfliction.is_on_detour_to(telemetry.target);
         match detour.filter(|_| telemetry.at_rest && may_fly) {
             Some(side) => {
                 deconfliction.wait(now);
@@ -318,12 +320,7 @@ impl Navigation {
                 let leg = self.config.leg(path.from, side);
                 self.command(FlightCommand::Fly(leg));
             }
-            None if !telemetry.at_rest
-                && may_fly
-                && deconfliction.is_on_detour_to(telemetry.target) =>
-            {
-                deconfliction.wait(now);
-            }
+            None if is_on_detour => _ = deconfliction.wait(now),
             None => self.wait_for_traffic(now, None, telemetry),
         }
     }

@@ -19,8 +19,8 @@ const THRUST_MPS2: f64 = 3.5;
 const THRUST_FOR: Duration = Duration::from_secs(1);
 /// Climb rate that it must gain meanwhile, in m/s. Ours: a seventh of what is asked for.
 const GAIN_MIN_MPS: f64 = 0.5;
-/// Sink rate beyond which thrust in flight had no effect, in m/s: ArduPilot's check needs a descent, too. Whoever holds its
-/// height against air that sinks asks for as much thrust all the time.
+/// Sink rate beyond which thrust in flight had no effect, in m/s: ArduPilot's check needs a descent, too. A vehicle that holds
+/// its height in sinking air asks for as much thrust all the time.
 const SINKS_MPS: f64 = 0.5;
 /// Output of a motor at its limit, in µs: 95 % of its range, where it has no share left to turn the aircraft with. Ours.
 const MOTOR_MAX_US: u16 = 1_950;
