@@ -1,7 +1,7 @@
-//! Atomic replacement of files that survives a power cut.
+//! Atomic replacement of files that survives a power cut, and locks between processes.
 
 use std::ffi::OsString;
-use std::fs::{self, File};
+use std::fs::{self, File, TryLockError};
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
@@ -31,8 +31,54 @@ pub fn sync_folder_of(path: &Path) -> io::Result<()> {
     File::open(folder)?.sync_all()
 }
 
+/// A lock on a file, against other processes. It ends when it is dropped, or with the process.
+#[derive(Debug)]
+pub struct Lock(File);
+
+impl Lock {
+    /// Locks a file. `None` if it is locked already.
+    ///
+    /// # Errors
+    /// If the system refuses.
+    pub fn of(file: &File) -> io::Result<Option<Self>> {
+        let file = file.try_clone()?;
+        match file.try_lock() {
+            Ok(()) => Ok(Some(Self(file))),
+            Err(TryLockError::WouldBlock) => Ok(None),
+            Err(TryLockError::Error(error)) => Err(error),
+        }
+    }
+}
+
+impl Drop for Lock {
+    fn drop(&mut self) {
+        // Closing the file would not do: a process that another thread just starts has it open, too, until it runs its program.
+        let _ = self.0.unlock();
+    }
+}
+
 fn temporary_path(path: &Path) -> PathBuf {
     let mut name = OsString::from(path);
     name.push(".new");
     name.into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn lock_ends_with_its_owner_even_while_the_file_is_open_elsewhere() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("lock");
+        let file = File::create(&path).unwrap();
+        let lock = Lock::of(&file).unwrap().unwrap();
+        let open = || File::open(&path).unwrap();
+        assert!(Lock::of(&open()).unwrap().is_none());
+        // As in a process that is just being started.
+        let elsewhere = file.try_clone().unwrap();
+        drop((lock, file));
+        assert!(Lock::of(&open()).unwrap().is_some());
+        drop(elsewhere);
+    }
 }

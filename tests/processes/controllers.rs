@@ -128,9 +128,9 @@ fn neither_a_bench_drone_nor_a_board_that_is_no_simulation_is_armed() {
         assert!(!receiver.truth().is_armed, "drone {id}");
         let (low, centre) = (Channel::LOW.us(), Channel::CENTRE.us());
         for (_, rc) in &receiver.seen().rc {
-            // Roll, pitch, throttle, yaw, AUX1.
-            let idle = [centre, centre, low, centre, low];
-            assert_eq!(rc.channels_us[..5], idle, "drone {id}");
+            // Roll, pitch, throttle, yaw, AUX1, AUX2.
+            let idle = [centre, centre, low, centre, low, low];
+            assert_eq!(rc.channels_us[..6], idle, "drone {id}");
         }
     }
 }
@@ -144,6 +144,10 @@ fn serial_port_is_refused_in_the_stage_sim() {
         "port = \"serial:/dev/ttyACM0\" # ",
     );
     let expected = "in the stage \"sim\" `port` needs \"tcp:HOST:PORT\"";
+    assert_refused(&mut fleet.command(0), expected);
+    let (fleet, _receivers) = controlled(&[], |_| Settings::fit());
+    replace(&fleet.file(0), "tcp:127.0.0.1", "tcp:192.0.2.1");
+    let expected = "in the stage \"sim\" `port` needs an address of this host";
     assert_refused(&mut fleet.command(0), expected);
 }
 

@@ -108,6 +108,8 @@ fn gaps(name: &str, receiver: &Receiver, since: Instant) -> Gaps {
 /// How long RC goes on after now, when it is to end.
 fn rc_goes_on(receiver: &Receiver) -> Duration {
     let (since, before) = (Instant::now(), receiver.received());
+    let newest = receiver.seen().rc.last().map(|(at, _)| at.elapsed());
+    assert!(newest < Some(Duration::from_millis(100)), "no RC before");
     let mut count = before;
     // Ten periods without a frame.
     let mut quiet = Instant::now();

@@ -264,7 +264,7 @@ impl MotorOutput {
 
     /// Pulse width, in µs.
     #[must_use]
-    pub fn us(self) -> u16 {
+    pub const fn us(self) -> u16 {
         self.0
     }
 }

@@ -54,7 +54,7 @@ impl Encode for FurtherBoxIds {
 }
 
 /// Modes on a page of [`BoxIds`].
-const BOXES_A_PAGE: usize = 32;
+pub(crate) const BOXES_A_PAGE: usize = 32;
 
 /// Who the controller is.
 #[derive(Debug, Clone, PartialEq, Eq, Default)]

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use crate::acknowledgements::Acknowledgements;
-use crate::schedule::{Schedule, Write};
+use crate::configuration::BOXES_A_PAGE;
+use crate::schedule::{FURTHER_BOXES, Schedule, Write};
 use crate::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Decode, DecodeError,
     Direction, FcVariant, FcVersion, Frame, Identity, Message, Modes, Motor, RawGps, Rc, SetRawRc,
@@ -137,8 +138,11 @@ impl Conversation {
         let told = if is_refused {
             Err(BadAnswer::Refused)
         } else {
-            let is_further = query.page.is_some();
-            self.decode(frame, is_further).map_err(BadAnswer::Malformed)
+            let decoded = match query == FURTHER_BOXES {
+                true => self.take_further_boxes(now, frame),
+                false => self.decode(now, frame),
+            };
+            decoded.map_err(BadAnswer::Malformed)
         };
         if let Ok(Some(Telemetry::Status(status))) = &told {
             self.confirm(status);
@@ -157,10 +161,26 @@ impl Conversation {
         }
     }
 
+    /// Takes the modes beyond the first page. The first one's answer, if it comes once more, is not taken for them.
+    fn take_further_boxes(
+        &mut self,
+        now: Duration,
+        frame: &Frame<'_>,
+    ) -> Result<Option<Telemetry>, DecodeError> {
+        let further = BoxIds::decode(frame.payload)?;
+        let modes = &mut self.identity.boxes.modes;
+        if further.modes.starts_with(modes) {
+            self.schedule.ask(now, FURTHER_BOXES);
+        } else {
+            modes.extend(further.modes);
+        }
+        Ok(None)
+    }
+
     fn decode(
         &mut self,
+        now: Duration,
         frame: &Frame<'_>,
-        is_further: bool,
     ) -> Result<Option<Telemetry>, DecodeError> {
         let (identity, payload) = (&mut self.identity, frame.payload);
         match frame.command {
@@ -168,11 +188,12 @@ impl Conversation {
             FcVariant::COMMAND => identity.variant = Decode::decode(payload)?,
             FcVersion::COMMAND => identity.version = Decode::decode(payload)?,
             BoardInfo::COMMAND => identity.board = Decode::decode(payload)?,
-            BoxIds::COMMAND if is_further => {
-                let further = BoxIds::decode(payload)?;
-                identity.boxes.modes.extend(further.modes);
+            BoxIds::COMMAND => {
+                identity.boxes = Decode::decode(payload)?;
+                if identity.boxes.modes.len() >= BOXES_A_PAGE {
+                    self.schedule.ask(now, FURTHER_BOXES);
+                }
             }
-            BoxIds::COMMAND => identity.boxes = Decode::decode(payload)?,
             _ => return telemetry(frame),
         }
         Ok(None)
@@ -193,4 +214,62 @@ fn telemetry(frame: &Frame<'_>) -> Result<Option<Telemetry>, DecodeError> {
         Motor::COMMAND => Telemetry::Motor(Decode::decode(payload)?),
         _ => return Ok(None),
     }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Mode, TICK, Version};
+
+    /// The modes of a controller that has 40, on two pages, and gives its first answer about modes this late.
+    fn modes(late: Duration) -> Vec<Mode> {
+        let mut conversation = Conversation::default();
+        let mut answers: Vec<(Duration, u16, Option<Vec<u8>>)> = Vec::new();
+        let mut first = Some(late);
+        for tick in 0..300 {
+            let now = TICK * tick;
+            answers.retain(|(at, command, payload)| {
+                if *at > now {
+                    return true;
+                }
+                let direction = match payload {
+                    Some(_) => Direction::Reply,
+                    None => Direction::Error,
+                };
+                let frame = Frame {
+                    version: Version::V1,
+                    direction,
+                    command: *command,
+                    flag: 0,
+                    payload: payload.as_deref().unwrap_or_default(),
+                };
+                conversation.take(now, &frame);
+                false
+            });
+            if let Some(Write::Request(query)) = conversation.tick(now) {
+                let payload = (query.command == BoxIds::COMMAND).then(|| match query.payload {
+                    [] => (0..32).collect(),
+                    _ => (32..40).collect(),
+                });
+                let delay = match payload {
+                    Some(_) => first.take().unwrap_or(TICK),
+                    None => TICK,
+                };
+                answers.push((now + delay, query.command, payload));
+            }
+        }
+        conversation.identity().unwrap().boxes.modes.clone()
+    }
+
+    #[test]
+    fn modes_on_two_pages_are_known_however_late_the_first_answer_comes() {
+        let all = BoxIds::decode(&(0..40).collect::<Vec<_>>()).unwrap().modes;
+        for late_ms in (10..300).step_by(5) {
+            assert_eq!(
+                modes(Duration::from_millis(late_ms)),
+                all,
+                "{late_ms} ms late"
+            );
+        }
+    }
 }

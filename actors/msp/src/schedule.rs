@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use crate::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Direction, FcVariant,
-    FcVersion, Frame, Message, Motor, RawGps, Rc, SetRawRc, Sonar, Status, Version, encode, order,
+    FcVersion, Frame, Message, Motor, MotorOutput, RawGps, Rc, SetMotor, SetRawRc, Sonar, Status,
+    Version, encode, order,
 };
 
 /// A controller reads about one command in this time (`serial_update_rate_hz`, 100 by default).
@@ -29,8 +30,8 @@ const REFUSALS_MAX: u8 = 3;
 pub struct Query {
     /// The message's number.
     pub command: u16,
-    /// Page of [`BoxIds`] that is asked for; the first if absent.
-    pub page: Option<u8>,
+    /// What is sent with it.
+    pub payload: &'static [u8],
     /// From one question to the next; `None`: until it is answered once.
     pub every: Option<Duration>,
 }
@@ -42,7 +43,7 @@ impl Query {
             direction: Direction::Request,
             command: self.command,
             flag: 0,
-            payload: self.page.as_slice(),
+            payload: self.payload,
         }
     }
 }
@@ -50,7 +51,7 @@ impl Query {
 const fn once<M: Message>() -> Query {
     Query {
         command: M::COMMAND,
-        page: None,
+        payload: &[],
         every: None,
     }
 }
@@ -58,24 +59,36 @@ const fn once<M: Message>() -> Query {
 const fn every<M: Message>(ms: u64) -> Query {
     Query {
         command: M::COMMAND,
-        page: None,
+        payload: &[],
         every: Some(Duration::from_millis(ms)),
     }
 }
 
-const FURTHER_BOXES: Query = Query {
-    page: Some(1),
+/// The modes beyond the first page.
+pub(crate) const FURTHER_BOXES: Query = Query {
+    payload: &[1],
     ..once::<BoxIds>()
 };
 
-/// What a link asks: who the controller is, then how it does. Fewer questions a second than the 50 ticks that RC leaves.
+/// Stops the motors, which a controller turns for ever once it was told to. One that is armed takes no notice.
+const STOP_MOTORS: Query = Query {
+    payload: &{
+        let [low, high] = MotorOutput::STOPPED.us().to_le_bytes();
+        [
+            low, high, low, high, low, high, low, high, low, high, low, high, low, high, low, high,
+        ]
+    },
+    ..once::<SetMotor>()
+};
+
+/// What a link asks: who the controller is, that no motor turns, then how it does. Fewer questions a second than the 50 ticks that RC leaves.
 pub const QUERIES: [Query; 15] = [
     once::<ApiVersion>(),
     once::<FcVariant>(),
     once::<FcVersion>(),
     once::<BoardInfo>(),
     once::<BoxIds>(),
-    FURTHER_BOXES,
+    STOP_MOTORS,
     every::<Status>(160),
     every::<Attitude>(80),
     every::<Altitude>(100),
@@ -239,6 +252,11 @@ impl Schedule {
         let waiting = self.outstanding.map(|it| it.due.query);
         let mut open = self.queries.iter().map(|it| it.query).chain(waiting);
         open.all(|query| query.every.is_some())
+    }
+
+    /// Asks something besides.
+    pub(crate) fn ask(&mut self, now: Duration, query: Query) {
+        self.queries.push_back(due(now, query));
     }
 
     /// Asks a question again before all others.

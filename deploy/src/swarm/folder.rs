@@ -1,13 +1,14 @@
 //! The folder of a flight: keys of the fleet, and the file, journal and log of each drone.
 
 use std::collections::BTreeMap;
-use std::fs::{self, File, TryLockError};
+use std::fs::{self, File};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::BadInput;
+use muster_runtime::file::Lock;
 use muster_runtime::identity::Fleet;
 use muster_scenarios::scenario;
 
@@ -39,7 +40,7 @@ pub(super) fn prepare(
     request: &Request<'_>,
     hosts: &Hosts,
     ports: &Ports,
-) -> Result<(Vec<DroneFolder>, File), SwarmError> {
+) -> Result<(Vec<DroneFolder>, Lock), SwarmError> {
     let lock = lock(request.folder)?;
     let drones = write_files(request, hosts, ports, LogFormat::Json)?;
     Ok((drones, lock))
@@ -181,7 +182,7 @@ impl Hosts {
 }
 
 /// Creates and locks the folder for this flight, and removes the subfolders of an earlier flight. Refuses any other folder.
-fn lock(folder: &Path) -> Result<File, SwarmError> {
+fn lock(folder: &Path) -> Result<Lock, SwarmError> {
     let write = |source| SwarmError::Write {
         path: folder.to_owned(),
         source,
@@ -196,12 +197,9 @@ fn lock(folder: &Path) -> Result<File, SwarmError> {
     }
     fs::create_dir_all(folder).map_err(write)?;
     let lock = File::create(&lock_file).map_err(write)?;
-    lock.try_lock().map_err(|error| match error {
-        TryLockError::WouldBlock => {
-            let help = "wait for its end, or give another folder with --out";
-            refuse("is in use by another flight", help)
-        }
-        TryLockError::Error(source) => write(source),
+    let lock = Lock::of(&lock).map_err(write)?.ok_or_else(|| {
+        let help = "wait for its end, or give another folder with --out";
+        refuse("is in use by another flight", help)
     })?;
     for entry in fs::read_dir(folder).map_err(write)? {
         let path = entry.map_err(write)?.path();

@@ -1,6 +1,7 @@
 //! Names of ports.
 
 use std::fmt;
+use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -33,6 +34,21 @@ pub enum Address {
 pub struct BadAddress {
     /// The name given.
     pub found: String,
+}
+
+impl Address {
+    /// Whether it is a loopback address or a device of this host.
+    #[must_use]
+    pub fn is_on_this_host(&self) -> bool {
+        let Self::Tcp { host } = self else {
+            return true;
+        };
+        let address = host.parse::<SocketAddr>();
+        address.map_or_else(
+            |_| host.starts_with("localhost:"),
+            |it| it.ip().is_loopback(),
+        )
+    }
 }
 
 impl FromStr for Address {

@@ -1,6 +1,6 @@
 //! Storage of a journal on disk.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, File, OpenOptions};
 use std::io::{self, Write};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 use super::Storage;
-use crate::file::{replace, sync_folder_of};
+use crate::file::{Lock, replace, sync_folder_of};
 
 /// Name of the file with the records.
 pub(super) const FILE: &str = "journal";
@@ -25,8 +25,7 @@ pub struct Folder {
     file: File,
     len: u64,
     last_synced: File,
-    /// Lock that the system releases when the process ends.
-    _lock: File,
+    _lock: Lock,
 }
 
 /// A journal's folder can't be opened: the system's fault, or another process has it.
@@ -58,10 +57,8 @@ impl Folder {
         };
         fs::create_dir_all(folder).map_err(unusable)?;
         let lock = File::create(folder.join("lock")).map_err(unusable)?;
-        lock.try_lock().map_err(|error| match error {
-            TryLockError::WouldBlock => FolderError::Taken(folder.to_owned()),
-            TryLockError::Error(source) => unusable(source),
-        })?;
+        let lock = Lock::of(&lock).map_err(unusable)?;
+        let lock = lock.ok_or_else(|| FolderError::Taken(folder.to_owned()))?;
         let path = folder.join(FILE);
         let file = open(&path).map_err(unusable)?;
         sync_folder_of(&path).map_err(unusable)?;

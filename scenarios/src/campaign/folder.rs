@@ -1,10 +1,11 @@
 //! A campaign's folder: its identity, its lock and its journal of rows.
 
-use std::fs::{self, File, OpenOptions, TryLockError};
+use std::fs::{self, File, OpenOptions};
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use muster_runtime::diagnostic::{BadInput, read_text};
+use muster_runtime::file::Lock;
 use serde::{Deserialize, Serialize};
 
 use super::CampaignError;
@@ -173,6 +174,7 @@ impl Campaign {
 pub(super) struct Folder {
     dir: PathBuf,
     journal: File,
+    _lock: Lock,
 }
 
 impl Folder {
@@ -190,15 +192,12 @@ impl Folder {
             .create(true)
             .open(&path);
         let journal = open.map_err(|error| WriteError::file(&path, error))?;
-        match journal.try_lock() {
-            Ok(()) => {}
-            Err(TryLockError::WouldBlock) => {
-                let message = "is in use by another process";
-                let help = "wait until it ends, or name another folder with --out";
-                return Err(BadInput::without_excerpt(dir, message, help).into());
-            }
-            Err(TryLockError::Error(error)) => return Err(WriteError::file(&path, error).into()),
-        }
+        let lock = Lock::of(&journal).map_err(|error| WriteError::file(&path, error))?;
+        let lock = lock.ok_or_else(|| {
+            let message = "is in use by another process";
+            let help = "wait until it ends, or name another folder with --out";
+            BadInput::without_excerpt(dir, message, help)
+        })?;
         remove_drafts(dir);
         // Checked again: another process may have used the folder before the lock.
         let original = match campaign.check_folder(dir)? {
@@ -212,7 +211,12 @@ impl Folder {
             }
         };
         let dir = dir.to_owned();
-        Ok((Self { dir, journal }, original))
+        let folder = Self {
+            dir,
+            journal,
+            _lock: lock,
+        };
+        Ok((folder, original))
     }
 
     pub(super) fn dir(&self) -> &Path {

@@ -207,3 +207,21 @@ fn a_second_of_writing_fits_115200_baud() {
     let questions = 50 * 6;
     assert!((rc + questions) * 10 < 115_200 / 4);
 }
+
+#[test]
+fn motors_are_told_to_stop_whenever_the_port_is_opened() {
+    let mut stop = Vec::new();
+    order(Version::V1, &SetMotor::STOP, &mut stop).expect("it fits");
+    let mut line = Line::new();
+    for _ in 0..2 {
+        let (_, asked) = line.run(50, true);
+        let stops = asked.iter().filter(|it| it.command == SetMotor::COMMAND);
+        let written = stops.map(|query| {
+            let mut bytes = Vec::new();
+            Write::Request(*query).encode(&mut bytes);
+            bytes
+        });
+        assert_eq!(written.collect::<Vec<_>>(), [&stop[..]]);
+        line.schedule.reopen(line.now);
+    }
+}

@@ -82,6 +82,10 @@ impl File {
             let message = "in the stage \"sim\" `port` needs \"tcp:HOST:PORT\": motors may hang on a serial device";
             return refuse(port.span(), message);
         }
+        if stage == Stage::Sim && !address.is_on_this_host() {
+            let message = "in the stage \"sim\" `port` needs an address of this host: who arms it must have started it";
+            return refuse(port.span(), message);
+        }
         if let Some(pose) = &raw.pose
             && !(pose.get_ref().ip().is_loopback() && pose.get_ref().port() > 0)
         {

@@ -1,11 +1,11 @@
 //! A host's slots on its disk. Every change is atomic and survives a power cut.
 
-use std::fs::{self, DirBuilder, File, OpenOptions, Permissions, TryLockError};
+use std::fs::{self, DirBuilder, File, OpenOptions, Permissions};
 use std::io;
 use std::os::unix::fs::{DirBuilderExt, OpenOptionsExt, PermissionsExt, symlink};
 use std::path::{Path, PathBuf};
 
-use muster_runtime::file::{replace, sync_folder_of};
+use muster_runtime::file::{Lock, replace, sync_folder_of};
 use serde::{Deserialize, Serialize};
 
 use super::facts::SlotFacts;
@@ -213,18 +213,14 @@ impl Disk {
     }
 
     /// Locks the slots against a second operator, or a second trial. `None` if another process has the lock.
-    pub(super) fn try_lock(&self, name: &str) -> io::Result<Option<File>> {
+    pub(super) fn try_lock(&self, name: &str) -> io::Result<Option<Lock>> {
         let mut options = OpenOptions::new();
         let path = self.home().join(name);
         options.create(true).write(true).truncate(false);
         let file = options.mode(0o600).open(path)?;
         // Who can open it can hold it. An older release let everyone.
         file.set_permissions(Permissions::from_mode(0o600))?;
-        match file.try_lock() {
-            Ok(()) => Ok(Some(file)),
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Err(TryLockError::Error(error)) => Err(error),
-        }
+        Lock::of(&file)
     }
 
     /// Copies a slot's unit to systemd's folder, or removes it there. Returns whether that changed anything.
@@ -332,8 +328,9 @@ mod tests {
         let path = disk.home().join("lock");
         fs::write(&path, "").unwrap();
         fs::set_permissions(&path, Permissions::from_mode(0o644)).unwrap();
-        let lock = disk.try_lock("lock").unwrap().unwrap();
-        assert_eq!(lock.metadata().unwrap().permissions().mode() & 0o777, 0o600);
+        let _lock = disk.try_lock("lock").unwrap().unwrap();
+        let permissions = fs::metadata(path).unwrap().permissions();
+        assert_eq!(permissions.mode() & 0o777, 0o600);
     }
 
     #[test]

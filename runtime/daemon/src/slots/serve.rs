@@ -1,9 +1,10 @@
 //! A session with an operator, over standard input and output.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read, Write};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
+
+use muster_runtime::file::Lock;
 
 use super::Host;
 use super::install;
@@ -106,7 +107,7 @@ impl Read for Input {
 struct Session<'a> {
     host: &'a Host,
     /// Held while this session may change the host.
-    lock: Option<File>,
+    lock: Option<Lock>,
     /// Whether audits ask for unattended security updates.
     asks_for_updates: bool,
     input: BufReader<Input>,

@@ -17,7 +17,7 @@ use crate::session::Latency;
 use crate::status::{State, Status};
 use crate::wire::Wire;
 
-/// Events that wait to be taken; then the oldest is dropped, and counted.
+/// Telemetry that waits to be taken; then the oldest is dropped, and counted.
 const EVENTS_MAX: usize = 256;
 /// A controller that said nothing for that long is silent.
 const SILENT: Duration = Duration::from_millis(500);
@@ -178,8 +178,13 @@ impl Inbox {
     }
 
     fn push(&mut self, event: Event) {
-        if self.events.len() >= EVENTS_MAX {
-            self.events.pop_front();
+        let is_telemetry = |it: &Event| matches!(it, Event::Telemetry(_));
+        // What says that the port was opened or closed is never dropped: a pause between two of them bounds it.
+        if self.events.len() >= EVENTS_MAX
+            && is_telemetry(&event)
+            && let Some(oldest) = self.events.iter().position(is_telemetry)
+        {
+            self.events.remove(oldest);
             self.status.dropped += 1;
         }
         self.events.push_back(event);

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use super::vocabulary::Mode;
-use crate::msp::controller::Taken;
+use crate::msp::controller::{Handover, Taken};
 use crate::msp::silence::Silence;
 use crate::time::Timestamp;
 
@@ -53,7 +53,7 @@ impl Contact {
 
     /// Whether the link may command: nobody took the aircraft, and the link is not lost.
     pub(super) const fn is_links(&self) -> bool {
-        !self.taken.by_pilot && !self.taken.by_failsafe
+        self.taken.is_links()
     }
 
     /// A heartbeat. `has_flown`: the link has armed it. Returns whether anything changed.
@@ -68,7 +68,9 @@ impl Contact {
         self.heard = Some((armed, mode));
         self.silence.watch(now, armed);
         self.taken.by_failsafe &= armed;
-        self.taken.by_pilot |= armed && has_flown && mode == Mode::Other;
+        if armed && has_flown && mode == Mode::Other {
+            self.taken.handover = Handover::TakenBack;
+        }
         before != (self.heard, self.taken)
     }
 

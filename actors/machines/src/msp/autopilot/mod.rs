@@ -181,7 +181,7 @@ impl AutopilotLink {
     fn act(&mut self, now: Timestamp) {
         if self.must_land {
             self.must_arm = false;
-            let is_others = self.contact.taken().by_pilot;
+            let is_others = self.contact.taken().is_pilots();
             if self.contact.is_armed() && !is_others && !self.contact.is_in(Mode::Landing) {
                 self.order(Order::Land);
             }

@@ -10,6 +10,8 @@ use crate::time::Timestamp;
 const LOW_FIRST: Duration = Duration::from_millis(500);
 /// Time after which an arm switch that armed nothing goes low again.
 const GIVE_UP_AFTER: Duration = Duration::from_secs(1);
+/// How often the switch of a controller goes high to arm it. One that never arms is left alone then, however often it is ordered.
+const TRIES: u8 = 3;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Switch {
@@ -29,6 +31,8 @@ pub(super) struct Arming {
     switch: Switch,
     /// An order to arm is being carried out.
     is_ordered: bool,
+    /// How often the switch may still go high before the controller has armed.
+    tries: u8,
     /// The motors were or may have been armed. It never arms again.
     has_flown: bool,
     /// The motors are to stop.
@@ -42,6 +46,7 @@ impl Arming {
             may_arm: matches!(receiver, Receiver::Sole),
             switch: Switch::Low(now),
             is_ordered: false,
+            tries: TRIES,
             has_flown,
             is_over: false,
         }
@@ -57,7 +62,7 @@ impl Arming {
 
     /// The drone is to arm.
     pub(super) const fn order(&mut self) {
-        self.is_ordered = !self.has_flown;
+        self.is_ordered = !self.has_flown && self.tries > 0;
     }
 
     /// The motors are to stop, for good.
@@ -82,6 +87,8 @@ impl Arming {
         match self.switch {
             // It was armed, and the controller or the pilot disarmed it; or nothing came of it.
             Switch::High(since) if !self.is_ordered || now.since(since) >= GIVE_UP_AFTER => {
+                self.tries = self.tries.saturating_sub(1);
+                self.is_ordered &= self.tries > 0;
                 self.set(now, false);
             }
             Switch::Low(since)
@@ -206,6 +213,19 @@ mod tests {
         assert!(second.is_high());
         second.step(at(1_600), Stage::Sim, true, READY);
         assert!(!second.is_high());
+    }
+
+    #[test]
+    fn controller_that_never_arms_is_left_alone_after_three_tries() {
+        let mut arming = arming();
+        let mut times_high = 0;
+        for now in (0..60_000).step_by(20) {
+            let was_high = arming.is_high();
+            arming.order();
+            arming.step(at(now), Stage::Sim, true, READY);
+            times_high += u8::from(!was_high && arming.is_high());
+        }
+        assert_eq!(times_high, TRIES);
     }
 
     #[test]

@@ -23,20 +23,42 @@ pub const UNTOLD_AFTER: Duration = Duration::from_secs(3);
 /// receiver as lost and closes the throttle, are lost every ten seconds.
 pub const ACKNOWLEDGED_MIN: u32 = 40;
 
-/// What was taken from a link, as its checkpoint keeps it.
+/// Whether a pilot has handed the aircraft over.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+pub enum Handover {
+    /// Not yet, or there is no pilot.
+    #[default]
+    None,
+    /// The pilot took it over again. It is not asked back.
+    TakenBack,
+    /// The link has it.
+    Given,
+}
+
+/// Who has an aircraft but its link, as a checkpoint keeps it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
 pub struct Taken {
-    /// The pilot took the aircraft over. It is not asked back.
-    pub by_pilot: bool,
+    /// Between pilot and link.
+    pub handover: Handover,
     /// The controller's failsafe flies, or the link was lost in flight. Until it has disarmed it gets no RC, which would end
     /// the failsafe in mid-air.
     pub by_failsafe: bool,
 }
 
 impl Taken {
+    /// Whether the pilot took the aircraft over.
+    pub(in crate::msp) const fn is_pilots(self) -> bool {
+        matches!(self.handover, Handover::TakenBack)
+    }
+
+    /// Whether neither the pilot nor the controller's failsafe has taken it.
+    pub(in crate::msp) const fn is_links(self) -> bool {
+        !self.is_pilots() && !self.by_failsafe
+    }
+
     /// Why the vehicle lands, if it is known.
     pub(in crate::msp) fn cause(self) -> Option<LandingCause> {
-        self.by_pilot.then_some(LandingCause::Pilot)
+        self.is_pilots().then_some(LandingCause::Pilot)
     }
 }
 
@@ -47,8 +69,6 @@ impl Taken {
 pub(super) struct Authority {
     receiver: Receiver,
     taken: Taken,
-    /// MSP had the sticks.
-    was_overridden: bool,
     /// Until an answer comes, late or not.
     silence: Silence,
     /// Until an answer comes that can be used.
@@ -61,7 +81,6 @@ impl Authority {
         Self {
             receiver,
             taken,
-            was_overridden: false,
             silence: Silence::new(LOST_AFTER, has_flown, now),
             untold: Silence::new(UNTOLD_AFTER, has_flown, now),
         }
@@ -71,9 +90,14 @@ impl Authority {
         self.taken
     }
 
-    /// Whether the link flies.
+    /// Whether the link may fly: nobody has taken the aircraft.
     pub(super) const fn is_links(&self) -> bool {
-        !self.taken.by_pilot && !self.taken.by_failsafe
+        self.taken.is_links()
+    }
+
+    /// Whether a pilot has the sticks and has not handed them over.
+    pub(super) fn is_waiting(&self) -> bool {
+        self.receiver == Receiver::Override && self.taken.handover == Handover::None
     }
 
     /// Whether RC may be sent.
@@ -91,18 +115,26 @@ impl Authority {
 
     /// The controller has acknowledged that many of the newest RC frames. Returns whether the link has just been lost.
     pub(super) fn count_acknowledged(&mut self, acknowledged: u32) -> bool {
-        let is_lost =
-            self.may_send() && self.silence.deadline().is_some() && acknowledged < ACKNOWLEDGED_MIN;
-        self.taken.by_failsafe |= is_lost;
-        is_lost
+        let is_armed = self.silence.deadline().is_some();
+        is_armed && acknowledged < ACKNOWLEDGED_MIN && self.give_up()
+    }
+
+    /// The link can't fly an armed vehicle: the controller's failsafe is to. Returns whether RC was sent until now.
+    pub(super) fn give_up(&mut self) -> bool {
+        let was_sent = self.may_send();
+        self.taken.by_failsafe = true;
+        was_sent
     }
 
     /// The controller's report is believed.
     pub(super) fn take(&mut self, now: Timestamp, reported: Reported) {
         if self.receiver == Receiver::Override {
-            let is_overridden = reported.overridden == Some(true);
-            self.taken.by_pilot |= self.was_overridden && !is_overridden && reported.armed;
-            self.was_overridden = is_overridden;
+            self.taken.handover = match self.taken.handover {
+                Handover::TakenBack => Handover::TakenBack,
+                _ if reported.overridden == Some(true) && reported.levels => Handover::Given,
+                Handover::Given if reported.armed => Handover::TakenBack,
+                Handover::Given | Handover::None => Handover::None,
+            };
         }
         self.silence.watch(now, reported.armed);
         self.untold.watch(now, reported.armed);
@@ -119,9 +151,7 @@ impl Authority {
     pub(super) fn handle_timeout(&mut self, now: Timestamp) -> bool {
         let [is_silent, is_untold] =
             [&mut self.silence, &mut self.untold].map(|it| it.handle_timeout(now));
-        let is_lost = self.may_send() && (is_silent || is_untold);
-        self.taken.by_failsafe |= is_lost;
-        is_lost
+        (is_silent || is_untold) && self.give_up()
     }
 }
 
@@ -160,6 +190,28 @@ mod tests {
         assert!(!authority.is_links() && authority.may_send());
         let restarted = self::authority(authority.taken());
         assert!(!restarted.is_links());
+    }
+
+    #[test]
+    fn takeover_during_a_restart_is_seen() {
+        let before = authority(Taken::default()).taken();
+        let mut restarted = Authority::new(Receiver::Override, true, before, at(0));
+        restarted.take(at(100), BY_PILOT);
+        assert!(restarted.taken().is_pilots());
+    }
+
+    #[test]
+    fn mode_that_takes_sticks_for_something_else_is_the_pilots() {
+        let mut authority = authority(Taken::default());
+        let elsewhere = Reported {
+            levels: false,
+            ..FLOWN
+        };
+        authority.take(at(100), elsewhere);
+        assert!(authority.taken().is_pilots());
+        let mut never_given = Authority::new(Receiver::Override, true, Taken::default(), at(0));
+        never_given.take(at(100), elsewhere);
+        assert!(never_given.is_waiting() && never_given.is_links());
     }
 
     #[test]

@@ -11,6 +11,22 @@ const CELL_V: [f64; 11] = [
 /// Resistance of a cell, in ohms: 4 to 12 mΩ for cells of 1.5 to 5 Ah.
 const CELL_OHM: f64 = 0.008;
 
+/// Largest voltage of a cell, in volts: lithium polymer for high voltage, 4.35 V, and an error of a seventh.
+const CELL_MAX_V: f64 = 5.0;
+
+/// Voltage of a battery, in volts.
+pub(super) fn volts(state: &BatteryState) -> f64 {
+    match state.voltage_cv {
+        Some(cv) => f64::from(cv) / 100.0,
+        None => f64::from(state.voltage_dv) / 10.0,
+    }
+}
+
+/// Whether a battery can be so.
+pub(super) fn is_possible(state: &BatteryState) -> bool {
+    volts(state) <= CELL_MAX_V * f64::from(state.cells)
+}
+
 /// Charge of a battery.
 ///
 /// The higher of the last two readings counts: a single low one may be a frame that was altered on its way.
@@ -41,12 +57,8 @@ fn charge(state: &BatteryState) -> Option<f64> {
     if state.cells == 0 {
         return None;
     }
-    let volts = match state.voltage_cv {
-        Some(cv) => f64::from(cv) / 100.0,
-        None => f64::from(state.voltage_dv) / 10.0,
-    };
     let amperes = f64::from(state.current_ca.max(0)) / 100.0;
-    let cell = volts / f64::from(state.cells) + amperes * CELL_OHM;
+    let cell = volts(state) / f64::from(state.cells) + amperes * CELL_OHM;
     let by_volts = of_cell(cell);
     let by_charge = match state.capacity_mah {
         0 => 1.0,
@@ -86,6 +98,8 @@ mod tests {
         let half = charge(&state(3, 1_140)).unwrap();
         assert!((half - 0.5).abs() < 1e-9, "{half}");
         assert_eq!(charge(&state(0, 1_600)), None);
+        assert!(is_possible(&state(4, 1_740)) && !is_possible(&state(4, 2_100)));
+        assert!(is_possible(&state(0, 0)) && !is_possible(&state(0, 1_600)));
     }
 
     #[test]

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use muster_msp::{BatteryState, Motor};
 
+use super::battery::volts;
 use crate::msp::LandingCause;
 use crate::time::Timestamp;
 
@@ -24,6 +25,8 @@ const GAIN_MIN_MPS: f64 = 0.5;
 const SINKS_MPS: f64 = 0.5;
 /// Output of a motor at its limit, in µs: 95 % of its range, where it has no share left to turn the aircraft with. Ours.
 const MOTOR_MAX_US: u16 = 1_950;
+/// Largest output that a motor can be told, in µs: 2,000, and a tenth of the range more.
+const OUTPUT_MAX_US: u16 = 2_100;
 /// Looks in a row at which some motor is at its limit: the second of ArduPilot's check of thrust, at two looks a second.
 const SATURATED_LOOKS: u8 = 3;
 /// Root mean square of the motors' changes from one look to the next, in µs: a tenth of their range. Ours: a simulated flight in
@@ -76,9 +79,12 @@ impl Watch {
         self.tilted_since.is_some()
     }
 
-    /// Takes in what the motors are told.
+    /// Takes in what the motors are told. What no motor can be told is rejected.
     pub(super) fn measure_motors(&mut self, motors: &Motor) {
         let outputs_us = motors.outputs_us;
+        if outputs_us.iter().any(|it| *it > OUTPUT_MAX_US) {
+            return;
+        }
         let is_saturated = outputs_us.iter().any(|it| *it >= MOTOR_MAX_US);
         count(&mut self.saturated_looks, is_saturated);
         let before = self.outputs_us.replace(outputs_us);
@@ -91,11 +97,7 @@ impl Watch {
 
     /// Takes in a state of the battery.
     pub(super) fn measure_battery(&mut self, state: &BatteryState) {
-        let volts = match state.voltage_cv {
-            Some(cv) => f64::from(cv) / 100.0,
-            None => f64::from(state.voltage_dv) / 10.0,
-        };
-        let is_low = state.cells > 0 && volts <= CELL_MIN_V * f64::from(state.cells);
+        let is_low = state.cells > 0 && volts(state) <= CELL_MIN_V * f64::from(state.cells);
         count(&mut self.low_readings, is_low);
     }
 

@@ -1,5 +1,7 @@
 //! Estimator, guidance and control of a vehicle: the sticks that it is given.
 
+use std::time::Duration;
+
 use muster_msp::Sticks;
 
 use super::checkpoint::Flight;
@@ -17,6 +19,9 @@ use crate::time::Timestamp;
 
 /// Longest time that one control step covers, in seconds.
 const STEP_MAX_S: f64 = 0.1;
+
+/// Time without a height after which a vehicle can't be flown. An estimate that is predicted for so long may be metres off.
+const HEIGHT_LOST_AFTER: Duration = Duration::from_secs(3);
 
 /// What a vehicle flies that a pilot handed over in the air before it was told anything.
 const fn hold(altitude_m: f64) -> Setpoint {
@@ -270,6 +275,11 @@ impl ControlLoops {
             must_land: finding != Finding::Tipped,
             must_stop_motors,
         }
+    }
+
+    /// Whether the height has been unknown for too long to fly on.
+    pub(super) fn is_height_lost(&self, now: Timestamp) -> bool {
+        self.estimator.height_age(now) > HEIGHT_LOST_AFTER
     }
 
     /// Whether a vehicle that lands has come to the ground.

@@ -24,7 +24,7 @@ use muster_msp::{Status, Telemetry as Told};
 
 use self::arming::Arming;
 use self::authority::Authority;
-pub use self::authority::{ACKNOWLEDGED_MIN, LOST_AFTER, Taken, UNTOLD_AFTER};
+pub use self::authority::{ACKNOWLEDGED_MIN, Handover, LOST_AFTER, Taken, UNTOLD_AFTER};
 use self::battery::Gauge;
 pub use self::checkpoint::Flight;
 pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
@@ -48,7 +48,6 @@ const PERIOD: Duration = Duration::from_millis(20);
 /// Invariant: what leaves it passes its gate: no value above its stage.
 #[derive(Debug)]
 pub struct ControllerLink {
-    receiver: Receiver,
     place: PlaceSensor,
     gave_up: bool,
     kept: Option<Flight>,
@@ -73,7 +72,6 @@ impl ControllerLink {
         let has_flown = before.is_some_and(|it| it.has_flown);
         let taken = before.map(|it| it.taken).unwrap_or_default();
         let mut link = Self {
-            receiver: config.receiver,
             place: config.place,
             gave_up: checkpoint.is_some_and(|it| it.gave_up),
             kept: None,
@@ -160,7 +158,7 @@ impl ControllerLink {
                         self.loops.estimator.measure_gps(now, &gps);
                     }
                     Told::Gps(_) => return,
-                    Told::Battery(state) => {
+                    Told::Battery(state) if battery::is_possible(&state) => {
                         self.gauge.measure(&state);
                         self.loops.watch.measure_battery(&state);
                     }
@@ -171,7 +169,11 @@ impl ControllerLink {
                         }
                         return;
                     }
-                    Told::Rc(_) | Told::Sonar(_) | Told::Analog(_) | Told::Late => return,
+                    Told::Battery(_)
+                    | Told::Rc(_)
+                    | Told::Sonar(_)
+                    | Told::Analog(_)
+                    | Told::Late => return,
                 }
                 self.take_up(now);
             }
@@ -186,7 +188,7 @@ impl ControllerLink {
         self.outbox.transmit(Transmit::Rc(None));
     }
 
-    /// The link was lost in flight: the controller's failsafe is to fly.
+    /// The link was lost in flight, or the height: the controller's failsafe is to fly.
     fn lose(&mut self, now: Timestamp) {
         self.outbox.transmit(Transmit::Rc(None));
         self.keep();
@@ -225,6 +227,9 @@ impl ControllerLink {
         };
         self.loops.estimator.predict(now);
         self.detect_end(now);
+        if self.is_armed() && self.loops.is_height_lost(now) && self.authority.give_up() {
+            self.lose(now);
+        }
         let (stage, is_simulation) = (self.gate.stage(), self.gate.is_simulation());
         self.arming.step(now, stage, is_simulation, reported);
         let sticks = (self.loops).sticks(now, stage, self.hands(), !self.must_land);
@@ -245,12 +250,11 @@ impl ControllerLink {
     }
 
     fn hands(&self) -> Hands {
-        let overridden = self.reports.last().and_then(|it| it.overridden);
         if !self.is_armed() {
             Hands::Nobody
         } else if !self.authority.is_links() {
             Hands::Others
-        } else if self.receiver == Receiver::Override && overridden == Some(false) {
+        } else if self.authority.is_waiting() {
             Hands::Pilot
         } else {
             Hands::Link

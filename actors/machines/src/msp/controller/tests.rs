@@ -98,6 +98,8 @@ struct Bench {
     link: ControllerLink,
     now_ms: u64,
     rc: Option<SetRawRc>,
+    /// All sticks since it was cleared.
+    sent: Vec<SetRawRc>,
     telemetry: Vec<Telemetry>,
     checkpoint: Option<Checkpoint>,
 }
@@ -108,6 +110,7 @@ impl Bench {
             link: ControllerLink::new(config, checkpoint, at(0)),
             now_ms: 0,
             rc: None,
+            sent: Vec::new(),
             telemetry: Vec::new(),
             checkpoint: None,
         };
@@ -186,7 +189,10 @@ impl Bench {
     fn drain(&mut self) {
         loop {
             match self.link.poll_output() {
-                Output::Transmit(Transmit::Rc(rc)) => self.rc = rc,
+                Output::Transmit(Transmit::Rc(rc)) => {
+                    self.rc = rc;
+                    self.sent.extend(rc);
+                }
                 Output::Transmit(Transmit::Telemetry(it)) => self.telemetry.push(it),
                 Output::Transmit(Transmit::Resync) => {}
                 Output::Transmit(it @ (Transmit::Command(_) | Transmit::Order(_))) => {

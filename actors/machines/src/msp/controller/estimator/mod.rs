@@ -42,6 +42,10 @@ const LEAN_MAX_RAD: f64 = 1.047;
 const STANDING_MPS2: f64 = 0.02;
 /// From one attitude to the next; they may arrive together.
 const ATTITUDE_PERIOD: Duration = Duration::from_millis(80);
+/// Greatest height above or below where the controller counts from, in metres. No copter has been higher above the sea.
+const HEIGHT_MAX_M: f64 = 9_000.0;
+/// Fastest climb or descent, in m/s: twice a racing copter's. Ours.
+const CLIMB_MAX_MPS: f64 = 100.0;
 /// Longest prediction in one step, in seconds: beyond it the attitude is stale.
 const STEP_MAX_S: f64 = 0.5;
 
@@ -266,10 +270,14 @@ impl Estimator {
         }
     }
 
-    /// Takes in the controller's own height and climb. While poses tell the height it only notes how far its own is off, to
+    /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses tell the height it only notes how far its own is off, to
     /// count on from there.
     pub(super) fn measure_altitude(&mut self, now: Timestamp, altitude: &Altitude) {
         let height_m = f64::from(altitude.altitude_cm) / 100.0;
+        let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
+        if height_m.abs() > HEIGHT_MAX_M || climb_mps.abs() > CLIMB_MAX_MPS {
+            return;
+        }
         if self.is_posed(now) {
             let here_m = self.vertical.map_or(height_m, |it| it.position_m);
             self.offset_m = here_m - height_m;
@@ -282,7 +290,6 @@ impl Estimator {
             none => none.insert(Axis::at(height_m, sigma_m * sigma_m)),
         };
         if axis.measure_position(height_m, sigma_m) {
-            let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
             axis.measure_velocity(climb_mps, self.noise.climb_mps);
             self.doubted_height = None;
         } else {

@@ -1,5 +1,7 @@
 //! Nothing above the stage leaves.
 
+use std::time::Duration;
+
 use muster_msp::{Attitude, BatteryState};
 use proptest::prelude::*;
 
@@ -90,7 +92,52 @@ fn any_told() -> impl Strategy<Value = PortEvent> {
     });
     let told =
         prop_oneof![flags, gps, attitude, altitude, motors, battery].prop_map(PortEvent::Told);
-    prop_oneof![1 => identity, 1 => Just(PortEvent::Closed), 1 => Just(status(0)), 1 => Just(status(ARM)), 1 => Just(status(ARM | OVERRIDE)), 6 => told]
+    let pose = (any_place(), 0_u64..1_000).prop_map(|(position, age_ms)| {
+        PortEvent::Pose(Pose {
+            position,
+            sigma_m: 0.1,
+            age: Duration::from_millis(age_ms),
+        })
+    });
+    let counted = (0_u32..=100).prop_map(|count| PortEvent::Told(Told::Acknowledged(count)));
+    prop_oneof![
+        1 => identity,
+        1 => Just(PortEvent::Closed),
+        1 => Just(status(0)),
+        1 => Just(status(ARM)),
+        4 => Just(status(ARM | OVERRIDE)),
+        4 => Just(fix()),
+        4 => Just(PortEvent::Told(Told::Altitude(Altitude::default()))),
+        2 => pose,
+        1 => counted,
+        1 => Just(PortEvent::Told(Told::Late)),
+        6 => told,
+    ]
+}
+
+/// Near home, or far from it.
+fn any_place() -> impl Strategy<Value = Ned> {
+    prop_oneof![
+        [-5.0..5.0, -5.0..5.0, -20.0..0.0],
+        [-500.0..500.0, -500.0..500.0, -100.0..0.0],
+    ]
+    .prop_map(|[north, east, down]| Ned::new(north, east, down))
+}
+
+fn any_setpoint() -> impl Strategy<Value = Setpoint> {
+    let leg = (any_place(), 0.1..20.0, 0.1..8.0).prop_map(|(to, speed_mps, acceleration_mps2)| {
+        Setpoint::Leg {
+            to,
+            speed_mps,
+            acceleration_mps2,
+        }
+    });
+    let hold = (-10.0..100.0, 0.1..5.0).prop_map(|(altitude_m, vertical_mps)| Setpoint::Hold {
+        altitude_m,
+        vertical_mps,
+        acceleration_mps2: 2.0,
+    });
+    prop_oneof![leg, hold]
 }
 
 fn any_input() -> impl Strategy<Value = Input> {
@@ -98,7 +145,7 @@ fn any_input() -> impl Strategy<Value = Input> {
         Just(FlightCommand::Report),
         Just(FlightCommand::Arm),
         Just(FlightCommand::Yield),
-        Just(up()),
+        any_setpoint().prop_map(FlightCommand::Fly),
         Just(FlightCommand::Land),
     ];
     prop_oneof![
@@ -131,22 +178,56 @@ proptest! {
                 let is_simulation = identity.board.board.0 == *b"SITL";
                 ceiling = Ceiling::of(stage, *granted, has_pilot, is_simulation);
             }
+            bench.sent.clear();
             bench.give(input);
-            bench.now_ms += later_ms;
-            bench.link.handle_timeout(at(bench.now_ms));
-            bench.drain();
-            if let Some(rc) = bench.rc {
-                prop_assert!(ceiling.admits(rc), "{ceiling:?}: {rc:?}");
+            bench.wait(later_ms);
+            for rc in &bench.sent {
+                prop_assert!(ceiling.admits(*rc), "{ceiling:?}: {rc:?}");
             }
         }
     }
 }
 
+#[test]
+fn tethered_vehicle_that_is_far_off_leans_and_climbs_as_much_as_its_stage_allows() {
+    let mut bench = Bench::piloted(Stage::Tethered, Stage::Tethered);
+    bench.give(Input::FlightCommand(FlightCommand::Fly(Setpoint::Leg {
+        to: Ned::new(300.0, 0.0, -50.0),
+        speed_mps: 20.0,
+        acceleration_mps2: 8.0,
+    })));
+    // It rises a metre, and is held fast there.
+    for step in 0..100 {
+        let altitude_m = (0.05 * f64::from(step)).min(1.0);
+        bench.give(Input::Port(PortEvent::Pose(Pose {
+            position: Ned::HOME.at_altitude(altitude_m),
+            sigma_m: 0.1,
+            age: Duration::ZERO,
+        })));
+        bench.wait(100);
+        bench.give(Input::Port(status(ARM | OVERRIDE)));
+    }
+    let most = |of: fn(&SetRawRc) -> u16| bench.sent.iter().map(of).max().unwrap();
+    let pitch_us = most(|it| it.sticks().pitch.us().abs_diff(1_500));
+    let roll_us = most(|it| it.sticks().roll.us().abs_diff(1_500));
+    assert_eq!(pitch_us.max(roll_us), TETHERED_LEAN_US);
+    let throttle_us = most(|it| it.sticks().throttle.us());
+    assert!(
+        (1_350..=TETHERED_THROTTLE_US).contains(&throttle_us),
+        "{throttle_us}"
+    );
+}
+
+/// 10° of lean by Betaflight's rates.
+const TETHERED_LEAN_US: u16 = 188;
+/// 1.2 times the hover throttle of 0.3.
+const TETHERED_THROTTLE_US: u16 = 1_360;
+
 /// The most that may leave, written apart from the gate.
 #[derive(Debug)]
 enum Ceiling {
     Idle,
-    /// 10° of 60° of lean; 1.2 times the hover throttle of 0.3; no ARM.
+    /// Little lean, little throttle; no ARM.
     Tethered,
     /// No ARM.
     Piloted,
@@ -175,8 +256,10 @@ impl Ceiling {
             Self::Idle => sticks == Sticks::IDLE && rc.aux().iter().all(|it| *it == Channel::LOW),
             Self::Tethered => {
                 let leans = [sticks.roll, sticks.pitch];
-                let is_upright = leans.iter().all(|it| it.us().abs_diff(1_500) <= 83);
-                arm_is_low && is_upright && sticks.throttle.us() <= 1_360
+                let is_upright = leans
+                    .iter()
+                    .all(|it| it.us().abs_diff(1_500) <= TETHERED_LEAN_US);
+                arm_is_low && is_upright && sticks.throttle.us() <= TETHERED_THROTTLE_US
             }
             Self::Piloted => arm_is_low,
             Self::Unlimited => true,
