@@ -15,9 +15,11 @@ pub const TICK: Duration = Duration::from_millis(10);
 pub const RC_PERIOD: Duration = Duration::from_millis(20);
 /// How long sticks are repeated after they were last given. Then RC stops, and the controller's own failsafe acts.
 pub const RC_HOLD: Duration = Duration::from_millis(100);
-/// How long an answer may take before the question counts as lost and is asked again: ten ticks. Meanwhile nothing else is
-/// asked.
+/// How long an answer may take before the question counts as lost and is asked again: ten ticks.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
+/// How many questions may wait for their answers. With one, a line that takes 30 ms each way would bring heights three times a
+/// second, too few to hold one.
+const OUTSTANDING_MAX: usize = 4;
 /// Time after a question for which its answer shows that the controller lives.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
@@ -170,7 +172,8 @@ pub struct Schedule {
     rc_due: Duration,
     /// Ties go to the one that waited longest.
     queries: VecDeque<Due>,
-    outstanding: Option<Outstanding>,
+    /// The oldest first.
+    outstanding: VecDeque<Outstanding>,
     lost: u64,
 }
 
@@ -197,7 +200,7 @@ impl Schedule {
             sticks: None,
             rc_due: now,
             queries: QUERIES.iter().map(|it| due(now, *it)).collect(),
-            outstanding: None,
+            outstanding: VecDeque::new(),
             lost: 0,
         }
     }
@@ -249,7 +252,7 @@ impl Schedule {
     /// Whether the controller has answered, or refused, all that is asked once.
     #[must_use]
     pub fn is_identified(&self) -> bool {
-        let waiting = self.outstanding.map(|it| it.due.query);
+        let waiting = self.outstanding.iter().map(|it| it.due.query);
         let mut open = self.queries.iter().map(|it| it.query).chain(waiting);
         open.all(|query| query.every.is_some())
     }
@@ -275,22 +278,24 @@ impl Schedule {
     }
 
     fn next_query(&mut self, now: Duration) -> Option<Query> {
-        if let Some(outstanding) = self.outstanding {
-            if now.saturating_sub(outstanding.asked) < ANSWER_MAX {
-                return None;
-            }
+        while let Some(oldest) = self.outstanding.front()
+            && now.saturating_sub(oldest.asked) >= ANSWER_MAX
+        {
             self.lost += 1;
-            self.outstanding = None;
             self.queries.push_back(Due {
                 at: now,
-                unanswered: Some(outstanding.asked),
-                ..outstanding.due
+                unanswered: Some(oldest.asked),
+                ..oldest.due
             });
+            self.outstanding.pop_front();
+        }
+        if self.outstanding.len() >= OUTSTANDING_MAX {
+            return None;
         }
         let first = self.queries.iter().map(|it| it.at).min()?;
         let place = (self.queries.iter()).position(|it| it.at == first && first <= now)?;
         let due = self.queries.remove(place)?;
-        self.outstanding = Some(Outstanding { due, asked: now });
+        self.outstanding.push_back(Outstanding { due, asked: now });
         Some(due.query)
     }
 
@@ -309,8 +314,9 @@ impl Schedule {
         command: u16,
         is_refused: bool,
     ) -> Option<(Query, Duration)> {
-        let outstanding = (self.outstanding).filter(|it| it.due.query.command == command)?;
-        self.outstanding = None;
+        let is_asked = |it: &Outstanding| it.due.query.command == command;
+        let place = self.outstanding.iter().position(is_asked)?;
+        let outstanding = self.outstanding.remove(place)?;
         self.queries.extend(outstanding.answered(now, is_refused));
         let delay = now.saturating_sub(outstanding.asked);
         Some((outstanding.due.query, delay))

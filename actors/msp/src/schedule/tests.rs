@@ -101,14 +101,14 @@ fn late_ticks_lower_no_rate() {
 }
 
 #[test]
-fn one_question_is_outstanding_at_a_time() {
+fn four_questions_are_outstanding_at_most() {
     let mut line = Line::new();
     line.answers = false;
     let (_, asked) = line.run(100, true);
     let seconds = 100 * TICK;
     assert_eq!(
         asked.len() as u128,
-        seconds.as_millis() / ANSWER_MAX.as_millis()
+        OUTSTANDING_MAX as u128 * seconds.as_millis() / ANSWER_MAX.as_millis()
     );
 }
 
@@ -181,7 +181,7 @@ fn unanswered_questions_count_as_lost() {
     let mut line = Line::new();
     line.answers = false;
     line.run(101, false);
-    assert_eq!(line.schedule.lost(), 10, "one each 100 ms");
+    assert_eq!(line.schedule.lost(), 37, "four each 100 ms");
     assert_eq!(line.schedule.answered(line.now, 9_999, false), None);
 }
 
@@ -192,7 +192,7 @@ fn a_late_answer_answers_nothing_but_shows_for_two_seconds_that_the_controller_l
     line.run(1, false);
     let asked = line.asked.expect("a question");
     assert!(!line.schedule.is_answered_late(line.now, asked), "in time");
-    line.run(101, false);
+    line.run(20, false);
     assert!(line.schedule.is_answered_late(line.now, asked));
     assert!(!line.schedule.is_answered_late(line.now, 9_999));
     assert_eq!(line.schedule.answered(line.now, asked, false), None);
