@@ -122,6 +122,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     compare()?;
     measure_actors()?;
+    measure_controllers()?;
     measure_growth()
 }
 
@@ -255,6 +256,19 @@ fn measure_actors() -> Result<(), Box<dyn Error>> {
     println!(
         "\nGrid of 1,000 on the actors engine, rule checks off: {} drone-seconds per second, {:.1} times faster than \
          real time",
+        whole(cost.pace()),
+        cost.pace() / f64::from(cost.drones)
+    );
+    Ok(())
+}
+
+/// Measures drones that fly by simulated flight controllers, and lose their master.
+fn measure_controllers() -> Result<(), Box<dyn Error>> {
+    eprint!("\r  measuring flight controllers …\x1b[K");
+    let cost = cost("../flight-controllers.toml", &[], CHECKED)?;
+    eprint!("\r\x1b[K");
+    println!(
+        "\nFifteen flight controllers, rules checked: {} drone-seconds per second, {:.1} times faster than real time",
         whole(cost.pace()),
         cost.pace() / f64::from(cost.drones)
     );

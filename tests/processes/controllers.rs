@@ -199,10 +199,24 @@ fn controllers_that_are_not_fit_to_fly_get_no_rc_and_status_says_why() {
     }
 }
 
+/// Flies a swarm of simulated controllers with these faults. Returns the report, and what drone 0's file says.
+fn fly_with(replacements: &[(&str, &str)], faults: &str) -> (Value, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = scenario_with("swarm-controllers.toml", replacements, folder.path());
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, text + faults).unwrap();
+    let out = folder.path().join("flight");
+    let run = swarm(path.to_str().unwrap(), &out)
+        .arg("--json")
+        .output()
+        .unwrap();
+    let report = complete_report(&run, &out);
+    let file = fs::read_to_string(out.join("drones/drone-0/drone.toml")).unwrap();
+    (report, file)
+}
+
 #[test]
 fn swarm_flies_simulated_controllers_and_injects_their_faults() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = scenario_with("swarm-controllers.toml", &[], folder.path());
     let faults = r#"
 [[faults]]
 at_waypoint = 1
@@ -223,14 +237,7 @@ drone = 2
 by_ms = 30
 for_s = 5
 "#;
-    let text = fs::read_to_string(&path).unwrap();
-    fs::write(&path, text + faults).unwrap();
-    let out = folder.path().join("flight");
-    let run = swarm(path.to_str().unwrap(), &out)
-        .arg("--json")
-        .output()
-        .unwrap();
-    let report = complete_report(&run, &out);
+    let (report, file) = fly_with(&[], faults);
     for (id, drone) in (0..).zip(report["drones"].as_array().unwrap()) {
         let state = drone["state"].as_str().unwrap();
         if id == LEADER {
@@ -240,6 +247,50 @@ for_s = 5
         }
     }
     assert_eq!(report["elections"].as_array().unwrap().len(), 1);
-    let file = fs::read_to_string(out.join("drones/drone-0/drone.toml")).unwrap();
     assert!(file.contains("vehicle = \"msp\"") && file.contains("port = \"tcp:127.0.0.1:"));
+}
+
+/// A sagging battery lands its drone, a pilot takes another one, and what lasts a moment changes nothing.
+#[test]
+fn swarm_with_pilots_flies_on_through_each_other_fault_of_controllers() {
+    let faults = r#"
+[[faults]]
+at_waypoint = 1
+kind = "take-over"
+drone = 2
+
+[[faults]]
+at_waypoint = 1
+kind = "sag-battery"
+drone = 0
+volts = 5
+
+[[faults]]
+at_waypoint = 1
+kind = "freeze-controller"
+drone = 1
+for_s = 0.2
+
+[[faults]]
+at_waypoint = 1
+after_s = 1
+kind = "lose-bytes"
+drone = 1
+share = 0.002
+for_s = 3
+
+[[faults]]
+at_waypoint = 1
+after_s = 5
+kind = "close-port"
+drone = 1
+for_s = 0.1
+"#;
+    let pilot = [("kind = \"msp\"", "kind = \"msp\"\nreceiver = \"override\"")];
+    let (report, file) = fly_with(&pilot, faults);
+    assert!(file.contains("receiver = \"override\""));
+    let drones = report["drones"].as_array().unwrap();
+    let states = drones.iter().map(|it| it["state"].as_str().unwrap());
+    let states: Vec<_> = states.collect();
+    assert_eq!(states, ["landed", "finished", "landed"]);
 }

@@ -32,7 +32,7 @@ pub(super) struct Raw {
     /// Where the flight controller or the autopilot is; with `vehicle = "msp"` and `"mavlink"` only, which need it.
     #[schemars(extend(
         "x-accepted" = "a serial device as \"serial:/dev/ttyACM0\" or \"serial:/dev/ttyAMA0@115200\", or \"tcp:HOST:PORT\"; with `vehicle = \"mavlink\"` \"udpin:ADDRESS:PORT\"",
-        "x-condition" = "a serial device only above the stage `sim`; in it only a loopback address with `udpin`"
+        "x-condition" = "in the stage `sim` an address of this host and no serial device"
     ))]
     pub(super) port: Option<Located<String>>,
     /// Who else commands the flight controller; with `vehicle = "msp"` only, which needs it.

@@ -113,6 +113,24 @@ fn lost_pilot_ends_in_the_failsafe_though_the_companion_sends() {
 }
 
 #[test]
+fn lost_pilot_is_flagged_within_200_ms_though_the_companion_sends() {
+    for version in [OLD, NEW] {
+        let mut companion = Companion::new(config(version));
+        let on = Some(pilot(1_000, 1_000, 1_900));
+        companion.controller.pilot(companion.now, on.as_ref());
+        companion.rc = Some(Rc::throttle(1_000));
+        companion.run_ms(5_600);
+        let is_flagged = |it: &mut Companion| it.refusals().contains(&"RXLOSS");
+        assert!(!is_flagged(&mut companion));
+        companion.controller.pilot(companion.now, None);
+        companion.run_ms(100);
+        assert!(!is_flagged(&mut companion));
+        let took_ms = 100 + companion.run_until(200, is_flagged);
+        assert!(took_ms <= 200, "{took_ms}");
+    }
+}
+
+#[test]
 fn companions_frames_count_as_signal_if_so_configured() {
     let mut settings = Settings::overriding(OLD);
     settings.receiver = ReceiverMode::Override {
