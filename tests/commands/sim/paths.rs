@@ -138,9 +138,16 @@ fn new_scenario_is_written_once_and_flies() {
         .success();
     let path = folder.path().join("my-first.toml");
     let text = fs::read_to_string(&path).unwrap();
-    let with_fault = text.replace("# [[faults]]\n# at_s", "[[faults]]\nat_s");
-    let with_fault = with_fault.replace("# kind = \"kill", "kind = \"kill");
-    fs::write(&path, with_fault.replace("# drone = ", "drone = ")).unwrap();
+    // What the tutorial says to do.
+    let tutorial = include_str!("../../../docs/src/tutorial/kill-the-master.md");
+    assert!(tutorial.contains("Remove the `#` before the last four lines"));
+    let mut lines: Vec<_> = text.lines().collect();
+    let fault = lines.len() - 4;
+    for line in &mut lines[fault..] {
+        *line = line.strip_prefix("# ").unwrap();
+    }
+    assert!(tutorial.contains(&lines[fault..].join("\n")), "{lines:?}");
+    fs::write(&path, lines.join("\n")).unwrap();
     let killed = muster(folder.path())
         .args(["sim", "my-first.toml"])
         .assert()
