@@ -42,8 +42,11 @@ fn main() -> Result<(), Box<dyn Error>> {
         fs::write(corpus.join(format!("frames/message-{nth}")), packet)?;
     }
     for list in ["roster", "revoked"] {
-        let file = scratch().join(format!("fleet/{list}.toml"));
-        fs::copy(file, corpus.join("lists").join(list))?;
+        let file = format!("{list}.toml");
+        fs::copy(
+            scratch().join("fleet").join(&file),
+            corpus.join("lists").join(&file),
+        )?;
     }
     Ok(())
 }
