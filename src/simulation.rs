@@ -119,7 +119,7 @@ impl Sim {
         let mut scenario = scenario::load_for(&self.path, &self.overrides, None)?;
         if let Some(factory) = &self.factory {
             let drones = scenario.plan.layout.formation().drones();
-            let Some(agent) = &mut scenario.plan.agent else {
+            let Some(agent) = scenario.plan.agent_mut() else {
                 let path = self.path.display();
                 let message = format!(
                     "{path}: agents need `protocol.kind = \"agent\"` and a table `[agent]`"

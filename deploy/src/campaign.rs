@@ -51,7 +51,7 @@ pub enum SpreadError {
         source: io::Error,
     },
     /// No host is left.
-    #[error("no host is left, {missing} shards are missing; the last one said: {last}")]
+    #[error("all hosts failed, {missing} shards are missing; last error: {last}")]
     NoHost {
         /// Shards that were not run.
         missing: usize,

@@ -23,7 +23,7 @@ use std::path::Path;
 use std::{fs, io};
 
 pub use folder::{Folder, FolderError};
-pub use memory::MemoryStorage;
+pub use memory::{MemoryStorage, PowerCutStorage};
 use muster_machines::mission::State;
 use muster_machines::node::{Checkpoint, Checkpoints};
 use serde::{Deserialize, Serialize};
@@ -206,29 +206,73 @@ impl<S: Storage> Journal<S> {
     }
 }
 
-/// Reads the checkpoints of the journal in a folder, as far as it is intact, without starting an incarnation. `None` if there
-/// is no journal.
-///
-/// # Errors
-/// If the system can't read it.
-pub fn peek(folder: &Path) -> io::Result<Option<Checkpoints>> {
-    match fs::read(folder.join(folder::FILE)) {
-        Ok(bytes) => Ok((!bytes.is_empty()).then(|| Contents::decode(&bytes, 0).checkpoints)),
-        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error),
+/// A journal that was read without starting an incarnation.
+#[derive(Debug)]
+pub enum Peeked {
+    /// There is no journal.
+    Missing,
+    /// All records that are known to be synced are there and can be read.
+    Intact(Box<Checkpoints>),
+    /// Records are missing, damaged or of another version: the last state is unknown.
+    Damaged {
+        /// Checkpoints of the records that can be read. Newer ones may be lost.
+        readable: Box<Checkpoints>,
+        /// The first defect.
+        defect: String,
+    },
+}
+
+impl Peeked {
+    /// Checkpoints of the records that can be read. `None` if there is no journal.
+    #[must_use]
+    pub fn readable(&self) -> Option<&Checkpoints> {
+        match self {
+            Self::Missing => None,
+            Self::Intact(readable) | Self::Damaged { readable, .. } => Some(readable),
+        }
+    }
+
+    /// Whether the drone may take part in a flight that is not over. True if a damaged journal does not say that it is over.
+    #[must_use]
+    pub fn may_be_in_flight(&self) -> bool {
+        match self {
+            Self::Missing => false,
+            Self::Intact(checkpoints) => checkpoints.is_flight_ongoing(),
+            Self::Damaged { readable, .. } => readable.state() != State::Finished,
+        }
+    }
+
+    /// Whether the flight certainly never began: the journal is intact, and the drone has heard of no master.
+    #[must_use]
+    pub fn is_unused(&self) -> bool {
+        matches!(self, Self::Intact(it) if it.state() == State::Start && !it.is_flight_ongoing())
     }
 }
 
-/// Whether the flight of the journal in a folder never began: the journal is intact, and the drone has heard of no master.
-#[must_use]
-pub fn is_unused(folder: &Path) -> bool {
-    let Ok(bytes) = fs::read(folder.join(folder::FILE)) else {
-        return false;
+/// Reads the journal in a folder without starting an incarnation.
+///
+/// # Errors
+/// If the system can't read it.
+pub fn peek(folder: &Path) -> io::Result<Peeked> {
+    // Read first: a process that writes meanwhile adds records, but removes none.
+    let last_synced = folder::last_synced(folder)?;
+    let bytes = match fs::read(folder.join(folder::FILE)) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Vec::new(),
+        Err(error) => return Err(error),
     };
-    let contents = Contents::decode(&bytes, 0);
-    let is_intact = contents.boot > 0 && contents.defect.is_none() && contents.unknown.is_empty();
-    let checkpoints = &contents.checkpoints;
-    is_intact && checkpoints.state() == State::Start && !checkpoints.is_flight_ongoing()
+    if bytes.is_empty() && last_synced == 0 {
+        return Ok(Peeked::Missing);
+    }
+    let contents = Contents::decode(&bytes, last_synced);
+    let checkpoints = Box::new(contents.checkpoints);
+    Ok(match contents.defect {
+        None => Peeked::Intact(checkpoints),
+        Some(defect) => Peeked::Damaged {
+            readable: checkpoints,
+            defect,
+        },
+    })
 }
 
 fn invalid_data(message: String) -> io::Error {

@@ -363,7 +363,7 @@ pub(crate) mod tests {
     }
 
     #[test]
-    fn a_new_one_way_link_connects_nobody_and_is_a_change() {
+    fn new_one_way_link_connects_no_drones_and_is_a_change() {
         let mut segments = Segments::default();
         segments.look(at(1.0), live(3), vec![link(0, 1, 0.0)]);
         let heard = Link::between(NodeId(2), NodeId(1), [0.1, 1.0]).unwrap();

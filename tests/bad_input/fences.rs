@@ -16,7 +16,7 @@ fn flight_outside_the_fence_is_refused_with_the_part_of_the_flight() {
             &[],
             &["--set", "formation.spacing_m=80"],
             &[
-                "drone 0 leaves the fence, geoFence.polygons[0], on the way to its first slot",
+                "drone 0 leaves the fence, geoFence.polygons[0], during take-off",
                 "missions/enclosure.plan",
             ],
         ),

@@ -134,7 +134,7 @@ fn broken_logs_are_refused_with_the_place() {
 #[test]
 fn broken_flats_are_refused_with_the_place() {
     let flat = |found: &str, by: &str| replaced(FLAT, found, by);
-    let person = "\n[[people]]\nspeed_mps = 1.0\nway = [[1.0, 3.9], [2.0, 3.9]]\n";
+    let person = "\n[[people]]\nspeed_mps = 1.0\npath = [[1.0, 3.9], [2.0, 3.9]]\n";
     let cases: [(String, &[&str]); 14] = [
         (flat("about =", "abuot ="), &["flat.toml:2:1", "abuot"]),
         (

@@ -28,7 +28,7 @@ const EXCERPT: &str = "rust,ignore";
 /// The pages whose examples `scenarios/src/lib.rs` and `src/lib.rs` include as doc tests.
 const WITH_RUST: [&str; 2] = ["docs/src/extend/protocol.md", "docs/src/extend/agent.md"];
 
-/// A campaign of hundreds of runs: `.ci/run` flies it, in a release build, and compares what comes of it.
+/// A campaign of hundreds of runs: `.ci/run` flies it and compares the result.
 const BARRIERS: &str =
     "muster campaign scenarios/barrier-line.toml --seeds 0..100 --vary radio.loss=0,0.1,0.3";
 

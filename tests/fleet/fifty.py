@@ -72,7 +72,7 @@ def facts(slot):
         "in_flight": False, "version": "0.1.0", "dropped": 0, "restarts": 0,
     }
     return {
-        "current": slot, "good": name(slot) if slot else None, "way_back": None, "is_on_trial": False, "good_for_s": 600,
+        "current": slot, "good": name(slot) if slot else None, "rollback_slot": None, "is_on_trial": False, "good_for_s": 600,
         "failure": None, "drones": {number: drone for number in slot["drones"]} if slot else {}, "free_bytes": 10**9,
     }
 

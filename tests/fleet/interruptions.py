@@ -53,11 +53,11 @@ def interrupted(bench, kills, cuts, seed):
         lost = None if nth < kills else chance.choice(bench.hosts)
         end(apply) if lost is None else lost.cut_power()
         met = phase(bench, version, lost)
-        bench.assert_way_back()
+        bench.assert_can_roll_back()
         if lost:
             apply.communicate(timeout=300)
             wait_until(f"{lost.name} is up", lost.is_up)
-            bench.assert_way_back()
+            bench.assert_can_roll_back()
         took_s = applied(bench, version)
         bench.assert_no_half_slots()
         what = "power of a host cut" if lost else "apply killed"

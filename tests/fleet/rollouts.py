@@ -141,7 +141,7 @@ class Bench:
             for drone in facts["drones"].values():
                 assert "Healthy" in drone["health"], (name, facts)
 
-    def assert_way_back(self):
+    def assert_can_roll_back(self):
         """No host is without a working slot, whatever it is doing."""
         for host in self.hosts:
             good = host.slot("good")

@@ -401,7 +401,7 @@ impl Process {
         let events = self.missions();
         events
             .iter()
-            .filter_map(|event| event.get("Obeys").cloned())
+            .filter_map(|event| event.get("Follows").cloned())
             .collect()
     }
 }

@@ -165,7 +165,7 @@ fn stage_without_a_pilot_or_the_grant_that_it_needs_is_refused() {
 /// Drone 0's controller is as it was when its grant was signed. Drone 1's settings have changed since, drone 2's was swapped
 /// for one with other firmware.
 #[test]
-fn changed_controller_falls_to_bench_and_status_says_why() {
+fn changed_controller_falls_to_bench_and_status_gives_the_reason() {
     let (fleet, receivers) = piloted("flight", |_| Settings::fit_overriding());
     let mut newer = Settings::fit_overriding();
     newer.version.minor += 1;

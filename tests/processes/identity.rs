@@ -199,7 +199,7 @@ fn forged_frames_do_not_block_their_claimed_sender() {
     let is_counted = |line: &&Value| line["message"] == "counted";
     let counted = drones[0].log.iter().rfind(is_counted).unwrap();
     let dropped = counted["dropped"].as_str().unwrap();
-    assert!(dropped.contains("unverified"), "{dropped}");
+    assert!(dropped.contains("verification limit reached"), "{dropped}");
     assert!(!dropped.contains("over budget"), "{dropped}");
     assert_eq!(drones[0].ballots().len(), 1, "no election");
 }

@@ -26,5 +26,6 @@ mod real_time {
     mod refusals;
     mod service;
     mod slow_agent;
+    mod slow_disk;
     mod swarm;
 }

@@ -12,7 +12,7 @@ fn errors_in_a_drone_file_show_what_is_accepted() {
         (
             "id = 0",
             "id = 0\nswarm = 0",
-            "`swarm` needs a number from 1, found 0",
+            "a whole number from 1 to 4294967295",
         ),
         ("\"sim\"", "\"flight\"", "`stage` needs \"sim\""),
         ("\"sim\"", "\"high\"", "`stage` takes \"sim\""),

@@ -88,7 +88,7 @@ fn higher_flight_number_starts_a_new_flight_and_keeps_the_old_journal() {
     let (code, output) = run("--config", &fleet.file(3));
     assert_eq!(code, Some(2), "{output}");
     assert!(
-        output.contains("the journal has flight 2 already"),
+        output.contains("the newest flight in the journal is 2"),
         "{output}"
     );
 }

@@ -192,6 +192,26 @@ fn killed_and_hanging_processes_resume_their_flight() {
     }
 }
 
+/// `limits.hang_ms` by default.
+const HANG_MS: f64 = 1_000.0;
+
+/// An idle actor gets a message each second, from which on its hang can be seen.
+fn assert_hang_is_found_in_time(log: &str) {
+    let lines = log.lines().map(|line| serde_json::from_str(line).unwrap());
+    let lines: Vec<Value> = lines.collect();
+    let line = |message: &str| {
+        let found = lines.iter().rfind(|line| line["message"] == message);
+        found.unwrap_or_else(|| panic!("no `{message}`: {log}"))
+    };
+    let (injected, found) = (line("a fault is injected"), line("an actor hangs"));
+    assert_eq!(injected["actor"], found["actor"]);
+    let waited_ms = found["waited_ms"].as_f64().unwrap();
+    assert!((HANG_MS..=HANG_MS + 100.0).contains(&waited_ms), "{found}");
+    let at_ms = |line: &Value| line["at_ns"].as_u64().unwrap() as f64 / 1e6;
+    let after_ms = at_ms(found) - at_ms(injected);
+    assert!(after_ms <= HANG_MS + 100.0 + 1_000.0, "{after_ms} ms");
+}
+
 /// In each drone, one actor crashes and another one hangs forever.
 #[test]
 fn crashed_and_hanging_actors_are_restarted_and_the_mission_completes() {
@@ -214,6 +234,7 @@ fn crashed_and_hanging_actors_are_restarted_and_the_mission_completes() {
         let output = log(&out, id);
         assert_eq!(output.matches("an actor failed").count(), 2, "{output}");
         assert_eq!(output.matches("an actor hangs").count(), 1, "{output}");
+        assert_hang_is_found_in_time(&output);
         assert_eq!(output.matches("\"starts\"").count(), 1, "{output}");
     }
 }

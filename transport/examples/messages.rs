@@ -13,6 +13,12 @@ mod swarm;
 use muster_machines::routing::Reliability;
 
 fn main() {
+    print_latency();
+    print_large_messages();
+    print_greedy_sender();
+}
+
+fn print_latency() {
     println!(
         "64 B from the first of 15 in line, 160 m apart, to the leader; 802.11a, range 300 m\n"
     );
@@ -54,6 +60,9 @@ fn main() {
             }
         }
     }
+}
+
+fn print_large_messages() {
     println!("\n1 MB in pieces over 3 hops\n");
     for (name, config) in [
         ("loss 0 %", swarm::lossy(0.0)),
@@ -73,6 +82,9 @@ fn main() {
             warning(it.over_budget)
         );
     }
+}
+
+fn print_greedy_sender() {
     println!("\nThirteen senders of one message a second, without and with one that sends 400\n");
     for (name, config) in [
         ("nakagami 3", swarm::fading(3.0)),

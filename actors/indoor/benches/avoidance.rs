@@ -173,7 +173,7 @@ fn ends(floor: &Floor) -> (MapXy, MapXy) {
     let mut free: Vec<_> = free.filter(|point| floor.is_free(*point)).collect();
     free.sort_by(|a, b| a.x_m.total_cmp(&b.x_m));
     let middle = free[free.len() / 2];
-    let reached = |it: &&MapXy| floor.way(middle, **it).is_some();
+    let reached = |it: &&MapXy| floor.path(middle, **it).is_some();
     let left = free.iter().step_by(500).find(reached).unwrap_or(&middle);
     let right = free
         .iter()
@@ -189,14 +189,14 @@ fn paths(floor: &Floor, from: MapXy, to: MapXy) {
     let (Some(start), Some(goal)) = (map.cell(from), map.cell(to)) else {
         return;
     };
-    let way = floor.way(from, to).unwrap_or_default();
-    let length_m: f64 = way.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
+    let path = floor.path(from, to).unwrap_or_default();
+    let length_m: f64 = path.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
     let ours = fastest(20, || {
-        std::hint::black_box(floor.way(from, to));
+        std::hint::black_box(floor.path(from, to));
     });
     println!(
         "  A*, straight legs    {ours:>8.1}  {length_m:.1} m in {} legs",
-        way.len() - 1
+        path.len() - 1
     );
     let mut longest: f64 = 0.0;
     let mut slices = 0;
@@ -254,6 +254,6 @@ fn by_library(floor: &Floor, start: (usize, usize), goal: (usize, usize)) -> Opt
         let rows = row.abs_diff(goal.1) as u32;
         5 * columns.abs_diff(rows) + 7 * columns.min(rows)
     };
-    let way = pathfinding::directed::astar::astar(&start, successors, left, |it| *it == goal);
-    way.map(|(_, cost)| cost)
+    let path = pathfinding::directed::astar::astar(&start, successors, left, |it| *it == goal);
+    path.map(|(_, cost)| cost)
 }

@@ -10,10 +10,11 @@ use muster_daemon::slots::GateLimits;
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, TomlFile, did_you_mean};
 use muster_runtime::identity::is_plain;
+use muster_runtime::plan::to_usize;
 use muster_runtime::schema::Located;
 use muster_scenarios::scenario::{self, Scenario};
 
-use super::raw::{RawHost, RawWave};
+use super::raw::{DroppedPerSecond, RawHost, RawWave, SoakSeconds};
 use super::{FORMAT, File, Host, Hosts};
 
 /// A fleet and how it is changed.
@@ -76,19 +77,6 @@ pub struct Wave {
     pub dropped_per_s_max: f64,
 }
 
-/// Longest times of a gate, in seconds: an hour.
-const GATE_MAX_S: u32 = 3_600;
-/// Time for a release to prove itself, by default, in seconds.
-const WITHIN_S: u32 = 60;
-/// Time that it must then stay healthy, by default, in seconds.
-const HOLD_S: u32 = 10;
-/// Longest soak, in seconds: a day.
-const SOAK_MAX_S: u32 = 86_400;
-/// Soak by default.
-const SOAK_S: u32 = 10;
-/// Dropped frames a second and drone, by default: replays and overflows of a busy network are fewer.
-const DROPPED_PER_S_MAX: f64 = 10.0;
-
 impl Fleet {
     /// Reads a fleet's file and its scenario.
     ///
@@ -127,10 +115,6 @@ impl File {
         let hosts = hosts.map(|(raw, host)| self.host(raw.get_ref(), host));
         let hosts = hosts.collect::<Result<Vec<_>, _>>()?;
         self.check_names(&hosts)?;
-        if let Some(flight) = raw.flight.as_ref().filter(|it| *it.get_ref() == 0) {
-            let message = "`flight` needs a number from 1, found 0";
-            return Err(self.0.error(flight.span(), message));
-        }
         Ok(Fleet {
             waves: self.waves(&hosts)?,
             hosts,
@@ -138,28 +122,12 @@ impl File {
             scenario,
             keys: self.0.resolve(keys),
             transport: raw.transport.unwrap_or(TransportName::Udp),
-            flight: raw.flight.as_ref().map(|it| *it.get_ref()),
-            gate: self.gate()?,
+            flight: raw.flight.span().map(|_| raw.flight.to_u32()),
+            gate: GateLimits {
+                within_s: raw.gate.within_s.to_u32(),
+                hold_s: raw.gate.hold_s.to_u32(),
+            },
             network,
-        })
-    }
-
-    fn gate(&self) -> Result<GateLimits, BadInput> {
-        let gate = &self.0.raw.gate;
-        let seconds = |field: &Option<Located<u32>>, name: &str, default: u32, min: u32| match field
-        {
-            None => Ok(default),
-            Some(given) if (min..=GATE_MAX_S).contains(given.get_ref()) => Ok(*given.get_ref()),
-            Some(given) => {
-                let found = given.get_ref();
-                let message =
-                    format!("`{name}` needs a number from {min} to {GATE_MAX_S}, found {found}");
-                Err(self.0.error(given.span(), &message))
-            }
-        };
-        Ok(GateLimits {
-            within_s: seconds(&gate.within_s, "within_s", WITHIN_S, 1)?,
-            hold_s: seconds(&gate.hold_s, "hold_s", HOLD_S, 0)?,
         })
     }
 
@@ -298,33 +266,15 @@ impl File {
     }
 
     fn wave(&self, raw: &RawWave, hosts: Vec<usize>) -> Result<Wave, BadInput> {
-        let refuse = |span: Range<usize>, message: &str| Err(self.0.error(span, message));
         if hosts.is_empty() {
-            return refuse(raw.hosts.span(), "the wave has no host");
+            return Err(self.0.error(raw.hosts.span(), "the wave has no host"));
         }
         let all = hosts.len();
-        let at_once = match &raw.at_once {
-            Some(at_once) if *at_once.get_ref() == 0 => {
-                return refuse(at_once.span(), "`at_once` needs a number from 1, found 0");
-            }
-            at_once => at_once.as_ref().map_or(all, |it| *it.get_ref() as usize),
-        };
-        let soak_s = raw.soak_s.as_ref().map_or(SOAK_S, |it| *it.get_ref());
-        if let Some(soak) = raw.soak_s.as_ref().filter(|_| soak_s > SOAK_MAX_S) {
-            return refuse(soak.span(), "a wave soaks for at most a day, 86400 s");
-        }
-        let dropped = raw.dropped_per_s_max.as_ref();
-        let dropped_per_s_max = dropped.map_or(DROPPED_PER_S_MAX, |it| *it.get_ref());
-        if let Some(dropped) =
-            dropped.filter(|_| dropped_per_s_max.is_nan() || dropped_per_s_max < 0.0)
-        {
-            return refuse(dropped.span(), "a number from 0 is needed");
-        }
         Ok(Wave {
+            at_once: (raw.at_once.as_ref()).map_or(all, |it| to_usize(it.get_ref().0)),
             hosts,
-            at_once,
-            soak: Duration::from_secs(soak_s.into()),
-            dropped_per_s_max,
+            soak: Duration::from_secs(raw.soak_s.0),
+            dropped_per_s_max: raw.dropped_per_s_max.0,
         })
     }
 }
@@ -334,8 +284,8 @@ fn default_waves(hosts: usize) -> Vec<Wave> {
     let wave = |hosts: Range<usize>| Wave {
         at_once: hosts.len(),
         hosts: hosts.collect(),
-        soak: Duration::from_secs(SOAK_S.into()),
-        dropped_per_s_max: DROPPED_PER_S_MAX,
+        soak: Duration::from_secs(SoakSeconds::default().0),
+        dropped_per_s_max: DroppedPerSecond::default().0,
     };
     let waves = [wave(0..1.min(hosts)), wave(1.min(hosts)..hosts)];
     waves

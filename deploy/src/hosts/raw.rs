@@ -3,8 +3,9 @@
 use std::net::{SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
 
-use muster_daemon::config::{ReceiverName, StageName, TransportName};
-use muster_runtime::schema::Located;
+use muster_daemon::config::{FlightNumber, ReceiverName, StageName, TransportName};
+use muster_runtime::plan::raw::{FrameRate, Whole};
+use muster_runtime::schema::{Located, Or};
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -37,11 +38,8 @@ pub(super) struct Raw {
     #[schemars(extend("x-default" = "\"udp\""))]
     pub(super) transport: Option<TransportName>,
     /// Number of the flight; for `muster deploy`. Raise it for another flight, once the last one is over.
-    #[schemars(extend(
-        "x-accepted" = "a whole number from 1 to 4294967295",
-        "x-default" = "1"
-    ))]
-    pub(super) flight: Option<Located<u32>>,
+    #[serde(default)]
+    pub(super) flight: Or<FlightNumber, 1>,
     #[serde(default)]
     pub(super) gate: Gate,
     #[serde(default)]
@@ -55,17 +53,9 @@ pub(super) struct Raw {
 #[serde(deny_unknown_fields, default, expecting = "a table, `[gate]`")]
 pub(super) struct Gate {
     /// Time for all drones of a host to be healthy and to have heard the others, in seconds.
-    #[schemars(extend(
-        "x-accepted" = "a whole number from 1 to 3600, in seconds",
-        "x-default" = "60"
-    ))]
-    pub(super) within_s: Option<Located<u32>>,
+    pub(super) within_s: Or<Whole<1, 3_600>, 60>,
     /// Time that they must then stay so, in seconds.
-    #[schemars(extend(
-        "x-accepted" = "a whole number from 0 to 3600, in seconds",
-        "x-default" = "10"
-    ))]
-    pub(super) hold_s: Option<Located<u32>>,
+    pub(super) hold_s: Or<Whole<0, 3_600>, 10>,
 }
 
 /// The waves of a rollout, in their order; for `muster deploy`. Without them the first host is the first wave, the others are
@@ -80,18 +70,21 @@ pub(super) struct RawWave {
     )]
     pub(super) hosts: Located<Vec<Located<String>>>,
     /// How many of them are changed at once.
-    #[schemars(extend("x-accepted" = "a whole number from 1", "x-default" = "all"))]
-    pub(super) at_once: Option<Located<u32>>,
+    #[schemars(extend("x-default" = "all"))]
+    pub(super) at_once: Option<Located<Whole<1, 10_000>>>,
     /// Time that the wave must stay healthy before the next one, in seconds.
-    #[schemars(extend(
-        "x-accepted" = "a whole number from 0 to 86400",
-        "x-default" = "10"
-    ))]
-    pub(super) soak_s: Option<Located<u32>>,
-    /// The most frames that each of its drones may drop while the wave soaks, a second.
-    #[schemars(extend("x-accepted" = "a number from 0", "x-default" = "10"))]
-    pub(super) dropped_per_s_max: Option<Located<f64>>,
+    #[serde(default)]
+    pub(super) soak_s: SoakSeconds,
+    /// The most frames that each of its drones may drop while the wave soaks, a second. Replays and overflows of a busy network
+    /// are fewer than the default.
+    #[serde(default)]
+    pub(super) dropped_per_s_max: DroppedPerSecond,
 }
+
+/// Up to a day.
+pub(super) type SoakSeconds = Or<Whole<0, 86_400>, 10>;
+
+pub(super) type DroppedPerSecond = Or<FrameRate, 10>;
 
 /// The hosts, each with its drones.
 #[derive(Debug, Deserialize, JsonSchema)]

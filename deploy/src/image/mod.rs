@@ -4,9 +4,9 @@
 //! All files are read, and what they shall say is decided, before the first is written. Each is replaced whole, and if one can't be,
 //! those before it are put back.
 
-mod accounts;
 mod edit;
 mod settings;
+mod users;
 
 use std::fs;
 use std::io;
@@ -91,8 +91,8 @@ fn plan(boot: &Path, root: &Path, card: &Card) -> Result<Vec<Edit>, BadInput> {
         let help = "name a file with public keys, such as ~/.ssh/id_ed25519.pub";
         return Err(BadInput::without_excerpt(&card.authorized_keys, what, help));
     }
-    let mut edits = accounts::edits(root, card)?;
-    let home = accounts::home(root, card)?;
+    let mut edits = users::edits(root, card)?;
+    let home = users::home(root, card)?;
     let ssh = root.join("home").join(&card.user).join(".ssh");
     edits.push(Edit::folder(&ssh, 0o700, home));
     edits.push(Edit::owned(&ssh.join("authorized_keys"), keys, 0o600, home));

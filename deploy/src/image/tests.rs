@@ -128,7 +128,7 @@ impl Stock {
 }
 
 #[test]
-fn default_user_is_gone_and_nobody_has_a_password() {
+fn default_user_is_gone_and_no_user_has_a_password() {
     let stock = Stock::new();
     stock.prepare(&stock.card()).unwrap();
     assert!(stock.read("root/etc/passwd").contains("\nfly:x:"));

@@ -31,8 +31,13 @@ pub(super) enum Weakness {
     #[error("the drones flew without flight controllers")]
     NoControllers,
     /// Another program was the flight controller.
-    #[error("the flight controllers were {0}")]
-    OtherControllers(String),
+    #[error("the flight used flight controllers of the kind \"{found}\"; accepted: {accepted}")]
+    OtherControllers {
+        /// The kind in the report.
+        found: String,
+        /// The kind that this evidence needs.
+        accepted: &'static str,
+    },
     /// The settings are not fit, or for no pilot.
     #[error("the flight controller was not fit for a pilot's receiver")]
     Unfit,
@@ -159,12 +164,18 @@ fn flight(report: &FlightReport, needs_betaflight: bool) -> Result<(), Weakness>
     if report.drones.is_empty() || !report.drones.iter().all(is_flown) {
         return Err(Weakness::NoControllers);
     }
+    let other = |found: &str| Weakness::OtherControllers {
+        found: found.to_owned(),
+        accepted: if needs_betaflight {
+            "Betaflight"
+        } else {
+            "simulated"
+        },
+    };
     match &report.firmware {
-        Some(name) if !needs_betaflight => Err(Weakness::OtherControllers(name.clone())),
-        None if needs_betaflight => Err(Weakness::OtherControllers("simulated".to_owned())),
-        Some(name) if !name.to_lowercase().contains("betaflight") => {
-            Err(Weakness::OtherControllers(name.clone()))
-        }
+        Some(name) if !needs_betaflight => Err(other(name)),
+        None if needs_betaflight => Err(other("simulated")),
+        Some(name) if !name.to_lowercase().contains("betaflight") => Err(other(name)),
         _ => Ok(()),
     }
 }

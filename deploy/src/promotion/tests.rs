@@ -230,11 +230,11 @@ fn what_shows_less_than_it_should_is_no_evidence() {
     let swapped = |kind, report: Value| judged(kind, &report.to_string());
     assert!(matches!(
         swapped(EvidenceKind::Betaflight, flight(None)),
-        Some(Weakness::OtherControllers(_))
+        Some(Weakness::OtherControllers { .. })
     ));
     assert!(matches!(
         swapped(EvidenceKind::Simulated, flight(Some("betaflight_SITL"))),
-        Some(Weakness::OtherControllers(_))
+        Some(Weakness::OtherControllers { .. })
     ));
 
     let mut unfit = bench(7);

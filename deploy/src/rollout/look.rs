@@ -146,7 +146,7 @@ fn roll_back_host(host: &FleetHost, operator: &str) -> Result<String, SessionErr
             "drone {id} takes part in a flight"
         )));
     }
-    let Some(to) = facts.way_back else {
+    let Some(to) = facts.rollback_slot else {
         return Err(SessionError::Refused(
             "there is no release before this one".to_owned(),
         ));

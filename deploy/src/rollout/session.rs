@@ -30,10 +30,10 @@ const EXIT_PERIOD: Duration = Duration::from_millis(10);
 #[derive(Debug, Clone, PartialEq, Eq, Error)]
 pub enum SessionError {
     /// The host can't be reached, or the connection was lost.
-    #[error("no connection: {0}")]
+    #[error("can't connect to the host: {0}")]
     Lost(String),
     /// The host runs no release, and none was given.
-    #[error("no release")]
+    #[error("the host has no release: give one with `--release`")]
     NoRelease,
     /// The host's program speaks another protocol.
     #[error("musterd {0} on the host speaks another protocol; install the release by hand")]

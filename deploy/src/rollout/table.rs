@@ -118,19 +118,19 @@ pub fn status_table(looked: &[Looked], colour: Colour) -> String {
         let drones = facts
             .drones
             .iter()
-            .map(|(id, drone)| format!("{id} {}", words(drone)));
+            .map(|(id, drone)| format!("{id} {}", health_text(drone)));
         let version = facts.current.as_ref().map(|it| it.version.clone());
         let or_empty = |it: Option<String>| it.unwrap_or_else(|| EMPTY.to_owned());
         [
             it.name.clone(),
             or_empty(version),
-            or_empty(facts.way_back.clone()),
+            or_empty(facts.rollback_slot.clone()),
             drones.collect::<Vec<_>>().join("\n"),
             remarks.join("\n"),
         ]
     });
     rendered(
-        ["host", "version", "way back", "drones", "remarks"],
+        ["host", "version", "rollback", "drones", "remarks"],
         rows,
         colour,
     )
@@ -175,9 +175,11 @@ pub fn audit_table(
     rendered(["host", "finding", "what", "why", "undo"], rows, colour)
 }
 
-fn words(drone: &DroneFacts) -> String {
+fn health_text(drone: &DroneFacts) -> String {
     let health = match &drone.health {
-        DroneHealth::Healthy { proven } if proven.is_empty() => "healthy, hears nobody".to_owned(),
+        DroneHealth::Healthy { proven } if proven.is_empty() => {
+            "healthy, hears no drone".to_owned()
+        }
         DroneHealth::Healthy { proven } => format!("healthy, hears {}", proven.len()),
         DroneHealth::FlightOver => "flight over".to_owned(),
         DroneHealth::Starting(words) | DroneHealth::Unhealthy(words) | DroneHealth::Dead(words) => {

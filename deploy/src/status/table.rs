@@ -180,7 +180,7 @@ fn computer(status: &Status) -> Option<String> {
         "was slowed down",
     );
     if let Some(wear) = computer.card_wear.filter(|it| *it >= WORN) {
-        words.push(format!("{:.0} % of the card's life used", 100.0 * wear));
+        words.push(format!("wear of the card {:.0} %", 100.0 * wear));
     }
     if let Some(free) = computer.free_bytes.filter(|it| *it < SPACE_MIN) {
         words.push(format!("{} MB free", free / 1_000_000));

@@ -75,15 +75,7 @@ fn write_files(
 ) -> Result<Vec<DroneFolder>, SwarmError> {
     let folder = request.folder;
     let fleet = Fleet::create(&folder.join("fleet"))?;
-    let mut shared: Vec<_> = ["fleet.pub", "roster.toml", "revoked.toml"]
-        .map(|name| Path::new("fleet").join(name))
-        .into();
-    let [scenario, mission] = scenario::side_by_side(request.path, request.overrides)?;
-    for (name, text) in [&scenario, &mission] {
-        let file = Path::new("scenario").join(name);
-        write(&folder.join(&file), text)?;
-        shared.push(file);
-    }
+    let (scenario, shared) = write_scenario(request)?;
     let mut drones = Vec::new();
     let mut status_addresses = hosts.status_addresses().map_err(SwarmError::Ports)?;
     for (id, network) in hosts.networks() {
@@ -97,7 +89,7 @@ fn write_files(
         let addresses = ports.get(&id).map(Port::addresses).transpose();
         let (controller, pose) = addresses.map_err(SwarmError::Ports)?.unzip();
         let file = DroneFile {
-            scenario: &Path::new("../scenario").join(&scenario.0),
+            scenario: &Path::new("../scenario").join(&scenario),
             id: id.0,
             stage: StageName::Sim,
             vehicle: controller.map_or("closed-form", |_| "msp"),
@@ -133,6 +125,20 @@ fn write_files(
         });
     }
     Ok(drones)
+}
+
+/// Writes the scenario and its mission. Returns the name of the scenario's file, and the files that all processes need.
+fn write_scenario(request: &Request<'_>) -> Result<(String, Vec<PathBuf>), SwarmError> {
+    let mut shared: Vec<_> = ["fleet.pub", "roster.toml", "revoked.toml"]
+        .map(|name| Path::new("fleet").join(name))
+        .into();
+    let [scenario, mission] = scenario::side_by_side(request.path, request.overrides)?;
+    for (name, text) in [&scenario, &mission] {
+        let file = Path::new("scenario").join(name);
+        write(&request.folder.join(&file), text)?;
+        shared.push(file);
+    }
+    Ok((scenario.0, shared))
 }
 
 /// Writes a file and creates its folder if needed.

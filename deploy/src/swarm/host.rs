@@ -7,14 +7,14 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI64, Ordering};
 use std::time::Duration;
 
-use muster_daemon::launcher::protocol::Order;
+use muster_daemon::launcher::protocol::LauncherCommand;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use tokio::sync::mpsc::{self, UnboundedSender};
 use tokio::task::{JoinHandle, JoinSet};
 
 use super::folder::DroneFolder;
-use super::link::Link;
+use super::link::HostConnection;
 use super::offset::add_nanos;
 use super::process::HostEvent;
 use super::{Request, SwarmError};
@@ -26,7 +26,7 @@ const QUEUED_ORDERS_MAX: usize = 4_096;
 /// The starter's handle of a launcher. The launcher ends its processes and itself once all senders of orders are dropped.
 #[derive(Debug)]
 pub(super) struct Launcher {
-    orders: mpsc::Sender<Order>,
+    orders: mpsc::Sender<LauncherCommand>,
     /// Runs the connection; returns the largest uncertainty of the host's clock.
     connection: JoinHandle<Duration>,
     /// Whether it runs on this machine: with the same clock, and with the drones' files in place.
@@ -47,7 +47,7 @@ impl Launcher {
         files: HostFiles,
         events: UnboundedSender<HostEvent>,
     ) -> Result<Self, SwarmError> {
-        let mut link = Link::open(host).await?;
+        let mut link = HostConnection::open(host).await?;
         for (path, text) in &files.uploads {
             link = link.upload(path, text).await?;
         }
@@ -76,7 +76,7 @@ impl Launcher {
             folder.config.clone()
         };
         let arguments = arguments.iter().map(|it| (*it).to_owned());
-        let _ = self.orders.try_send(Order::Start {
+        let _ = self.orders.try_send(LauncherCommand::Start {
             drone: folder.id.0,
             config,
             arguments: arguments.collect(),
@@ -92,7 +92,7 @@ impl Launcher {
     }
 
     /// A sender of orders to it.
-    pub(super) fn orders(&self) -> mpsc::Sender<Order> {
+    pub(super) fn orders(&self) -> mpsc::Sender<LauncherCommand> {
         self.orders.clone()
     }
 }

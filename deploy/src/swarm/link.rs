@@ -11,7 +11,7 @@ use std::time::Duration;
 
 use muster_daemon::clock::Clock;
 use muster_daemon::launcher::SILENCE_MAX;
-use muster_daemon::launcher::protocol::{Order, Reply, VERSION, line};
+use muster_daemon::launcher::protocol::{LauncherCommand, Reply, VERSION, line};
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader, Lines};
@@ -36,7 +36,7 @@ const FIRST_PINGS: u64 = 8;
 const EXIT_MAX: Duration = Duration::from_secs(3);
 
 /// The connection to a launcher.
-pub(super) struct Link {
+pub(super) struct HostConnection {
     /// Name of the host.
     name: String,
     child: Child,
@@ -57,7 +57,7 @@ pub(super) struct Link {
     uncertainty: Duration,
 }
 
-impl Link {
+impl HostConnection {
     /// Starts a launcher on a host and waits for its hello.
     ///
     /// # Errors
@@ -132,7 +132,7 @@ impl Link {
     /// # Errors
     /// If the connection is lost.
     pub(super) async fn upload(mut self, path: &Path, text: &str) -> Result<Self, SwarmError> {
-        for order in Order::append_file(path, text) {
+        for order in LauncherCommand::append_file(path, text) {
             let confirmed = match self.send(&order).await {
                 Ok(()) => self.round_trip().await,
                 failed => failed,
@@ -225,11 +225,11 @@ impl Link {
     async fn ping(&mut self) -> Result<(), Disconnected> {
         let ping = self.last_ping.0 + 1;
         self.last_ping = (ping, self.clock.now());
-        self.send(&Order::Ping(ping)).await
+        self.send(&LauncherCommand::Ping(ping)).await
     }
 
     /// Sends an order. A timeout counts as a lost connection, since a part of the line may have been written.
-    async fn send(&mut self, order: &Order) -> Result<(), Disconnected> {
+    async fn send(&mut self, order: &LauncherCommand) -> Result<(), Disconnected> {
         let line = line(order);
         let written = timeout(SILENCE_MAX, self.input.write_all(line.as_bytes())).await;
         let written = written.map_err(|_| Disconnected)?;
@@ -240,7 +240,7 @@ impl Link {
     /// uncertainty of the host's clock.
     pub(super) async fn run(
         mut self,
-        mut orders: mpsc::Receiver<Order>,
+        mut orders: mpsc::Receiver<LauncherCommand>,
         mut logs: BTreeMap<NodeId, File>,
         events: UnboundedSender<HostEvent>,
     ) -> Duration {

@@ -9,7 +9,7 @@ use super::folder::DroneFolder;
 use super::host::Launcher;
 use super::output::ProcessOutput;
 use muster_daemon::control::ControlMessage;
-use muster_daemon::launcher::protocol::{Order, ProcessSignal};
+use muster_daemon::launcher::protocol::{LauncherCommand, ProcessSignal};
 
 /// An event of a drone's process or of its host.
 #[derive(Debug)]
@@ -42,7 +42,7 @@ pub(super) enum StartMode {
 #[derive(Debug)]
 pub(super) struct DroneProcess {
     drone: u32,
-    orders: mpsc::Sender<Order>,
+    orders: mpsc::Sender<LauncherCommand>,
     /// Whether a fault of the plan killed it.
     was_killed: bool,
     /// The state last requested.
@@ -112,7 +112,7 @@ impl DroneProcess {
     pub(super) fn send(&self, message: &ControlMessage) -> bool {
         let (drone, line) = (self.drone, message.line());
         self.orders
-            .try_send(Order::WriteStdin { drone, line })
+            .try_send(LauncherCommand::WriteStdin { drone, line })
             .is_ok()
     }
 
@@ -136,6 +136,8 @@ impl DroneProcess {
     fn signal(&self, signal: ProcessSignal) {
         let drone = self.drone;
         // A lost host has ended its drones.
-        let _ = self.orders.try_send(Order::Signal { drone, signal });
+        let _ = self
+            .orders
+            .try_send(LauncherCommand::Signal { drone, signal });
     }
 }

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{Parser, Subcommand};
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::failure::{report_bad_inputs, report_error};
-use muster_runtime::journal;
+use muster_runtime::journal::{self, Peeked};
 
 use crate::config::DroneConfig;
 use crate::daemon::{self, DaemonError, Ended, Start};
@@ -107,16 +107,22 @@ fn show_journal(folder: &Path) -> ExitCode {
         let help = "give the folder of one flight, e.g. journal/flight-1";
         report_bad_inputs(&[BadInput::without_excerpt(folder, message, help)])
     };
-    let checkpoints = match journal::peek(folder) {
-        Ok(Some(checkpoints)) => checkpoints,
-        Ok(None) => return refuse("this folder has no journal".to_owned()),
+    let found = match journal::peek(folder) {
+        Ok(found) => found,
         Err(error) => return refuse(error.to_string()),
+    };
+    let Some(checkpoints) = found.readable() else {
+        return refuse("this folder has no journal".to_owned());
     };
     for checkpoint in checkpoints.iter() {
         match serde_json::to_string(&checkpoint) {
             Ok(line) => print_line(&line),
             Err(error) => return report_error(&error, 1),
         }
+    }
+    if let Peeked::Damaged { defect, .. } = found {
+        let help = "newer checkpoints than the printed ones may be lost";
+        return report_bad_inputs(&[BadInput::without_excerpt(folder, defect, help)]);
     }
     ExitCode::SUCCESS
 }

@@ -76,7 +76,7 @@ pub struct ComputerStatus {
     pub had_under_voltage: Option<bool>,
     /// Whether the processor was slowed down since the computer started.
     pub was_throttled: Option<bool>,
-    /// Share of the card's life that is used at most, 0 to 1, in tenths; 1.1 beyond its life.
+    /// Wear of the card, in tenths from 0 to 1; 1.1 if it is worn out.
     pub card_wear: Option<f64>,
     /// Free space for the journal, in bytes.
     pub free_bytes: Option<u64>,

@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_charge_that_the_autopilot_does_not_know_is_not_told() {
+    fn charge_unknown_to_the_autopilot_is_not_reported() {
         let status = SYS_STATUS_DATA {
             battery_remaining: -1,
             ..Default::default()

@@ -221,7 +221,7 @@ mod tests {
     }
 
     #[test]
-    fn autopilot_that_was_heard_first_is_believed_and_nobody_else() {
+    fn only_the_autopilot_that_was_heard_first_is_believed() {
         let mut shared = Shared::default();
         let ours = header(1, AUTOPILOT);
         assert_eq!(shared.read(&written(ours, &place()), SOURCE), [], "whose?");

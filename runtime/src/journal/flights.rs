@@ -6,14 +6,16 @@
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-use super::{is_unused, peek};
+use muster_machines::node::Checkpoints;
+
+use super::peek;
 
 /// Old flights that are kept beside the newest one.
 const KEPT_MAX: usize = 16;
 
 /// A flight in a folder has taken place and has a higher number than the requested one; nothing has changed.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("the journal has flight {newest} already")]
+#[error("the newest flight in the journal is {newest}")]
 pub struct OldFlight {
     /// Number of the newest flight that has taken place.
     pub newest: u32,
@@ -49,16 +51,16 @@ fn number_of(name: &std::ffi::OsStr) -> Option<u32> {
 /// If a flight with a higher number has taken place, or its journal is damaged.
 pub fn choose(root: &Path, requested: u32) -> Result<u32, OldFlight> {
     for newest in list(root).into_iter().rev() {
-        let folder = folder_of(root, newest);
-        let checkpoints = peek(&folder).ok().flatten();
-        if checkpoints.is_some_and(|it| it.is_flight_ongoing()) {
+        let found = peek(&folder_of(root, newest)).ok();
+        let readable = found.as_ref().and_then(|it| it.readable());
+        if readable.is_some_and(Checkpoints::is_flight_ongoing) {
             // A process that restarts in flight goes on with it, whatever its file says by then.
             return Ok(newest);
         }
         if newest <= requested {
             break;
         }
-        if !is_unused(&folder) {
+        if !found.is_some_and(|it| it.is_unused()) {
             return Err(OldFlight { newest });
         }
     }
@@ -81,7 +83,7 @@ mod tests {
     use muster_machines::node::Checkpoint;
 
     use super::*;
-    use crate::journal::{Folder, Journal};
+    use crate::journal::{Folder, HEADING_LEN, Journal, MAGIC, Peeked};
 
     /// Writes a journal of flight `number` whose mission is in `state`.
     fn fly(root: &Path, number: u32, state: State) {
@@ -94,6 +96,7 @@ mod tests {
         let checkpoint = Checkpoint::Mission(Box::new(mission));
         all.keep(checkpoint.clone());
         journal.add(&checkpoint, &all).unwrap();
+        journal.sync().unwrap();
     }
 
     #[test]
@@ -145,6 +148,74 @@ mod tests {
         assert_eq!(choose(root.path(), 2), Ok(2));
     }
 
+    /// Cuts the journal of flight `number` after its first record. The number of the last synced record is intact.
+    fn cut(root: &Path, number: u32) {
+        let path = folder_of(root, number).join("journal");
+        let bytes = fs::read(&path).unwrap();
+        let first = bytes[MAGIC.len()..][..4].try_into().unwrap();
+        let len = HEADING_LEN + u32::from_le_bytes(first) as usize;
+        fs::write(path, &bytes[..MAGIC.len() + len]).unwrap();
+    }
+
+    #[test]
+    fn journal_cut_between_records_is_damaged() {
+        let root = tempfile::tempdir().unwrap();
+        fly(root.path(), 1, State::Finished);
+        fly(root.path(), 2, State::TakingOff);
+        cut(root.path(), 2);
+        let found = peek(&folder_of(root.path(), 2)).unwrap();
+        assert!(matches!(found, Peeked::Damaged { .. }), "{found:?}");
+        assert!(found.may_be_in_flight() && !found.is_unused());
+        assert_eq!(choose(root.path(), 1), Err(OldFlight { newest: 2 }));
+        assert_eq!(choose(root.path(), 2), Ok(2));
+        fs::write(folder_of(root.path(), 2).join("journal"), b"").unwrap();
+        let emptied = peek(&folder_of(root.path(), 2)).unwrap();
+        assert!(emptied.may_be_in_flight(), "{emptied:?}");
+        assert_eq!(choose(root.path(), 1), Err(OldFlight { newest: 2 }));
+    }
+
+    #[test]
+    fn lost_or_replaced_files_of_a_journal_show_no_older_state() {
+        for (journal, lasting) in [
+            ("kept", "removed"),
+            ("kept", "emptied"),
+            ("kept", "flipped"),
+            ("removed", "kept"),
+            ("emptied", "kept"),
+            ("folder", "kept"),
+            ("kept", "folder"),
+        ] {
+            let root = tempfile::tempdir().unwrap();
+            fly(root.path(), 1, State::TakingOff);
+            let folder = folder_of(root.path(), 1);
+            for (name, what) in [("journal", journal), ("lasting", lasting)] {
+                let path = folder.join(name);
+                match what {
+                    "removed" => fs::remove_file(path).unwrap(),
+                    "emptied" => fs::write(path, b"").unwrap(),
+                    "flipped" => {
+                        let mut bytes = fs::read(&path).unwrap();
+                        bytes[0] ^= 1;
+                        fs::write(path, bytes).unwrap();
+                    }
+                    "folder" => {
+                        fs::remove_file(&path).unwrap();
+                        fs::create_dir(path).unwrap();
+                    }
+                    _ => {}
+                }
+            }
+            let state = match peek(&folder) {
+                Ok(Peeked::Intact(found)) => Some(found.state()),
+                Ok(Peeked::Damaged { .. }) | Err(_) => None,
+                Ok(Peeked::Missing) => panic!("{journal} {lasting}: taken for a new drone"),
+            };
+            let is_known = journal == "kept" && lasting != "folder";
+            let expected = is_known.then_some(State::TakingOff);
+            assert_eq!(state, expected, "{journal} {lasting}");
+        }
+    }
+
     #[test]
     fn old_flights_are_bounded_and_readable() {
         let root = tempfile::tempdir().unwrap();
@@ -155,7 +226,7 @@ mod tests {
         prune(root.path()).unwrap();
         let kept = list(root.path());
         assert_eq!((kept.first(), kept.len()), (Some(&4), KEPT_MAX + 1));
-        let oldest = peek(&folder_of(root.path(), 4)).unwrap().unwrap();
-        assert_eq!(oldest.state(), State::Finished);
+        let oldest = peek(&folder_of(root.path(), 4)).unwrap();
+        assert_eq!(oldest.readable().unwrap().state(), State::Finished);
     }
 }

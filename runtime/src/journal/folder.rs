@@ -108,16 +108,29 @@ impl Storage for Folder {
     }
 
     fn last_synced(&mut self) -> io::Result<u64> {
-        let mut note = [0; NOTE_LEN];
-        match self.last_synced.read_exact_at(&mut note, 0) {
-            Ok(()) => Ok(decode_note(note)),
-            Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(0),
-            Err(error) => Err(error),
-        }
+        read_note(&self.last_synced)
     }
 
     fn set_last_synced(&mut self, number: u64) -> io::Result<()> {
         self.last_synced.write_all_at(&encode_note(number), 0)
+    }
+}
+
+/// The number of the last record known to be synced, without locking the folder; 0 if unknown.
+pub(super) fn last_synced(folder: &Path) -> io::Result<u64> {
+    match File::open(folder.join(LAST_SYNCED_FILE)) {
+        Ok(file) => read_note(&file),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(0),
+        Err(error) => Err(error),
+    }
+}
+
+fn read_note(file: &File) -> io::Result<u64> {
+    let mut note = [0; NOTE_LEN];
+    match file.read_exact_at(&mut note, 0) {
+        Ok(()) => Ok(decode_note(note)),
+        Err(error) if error.kind() == io::ErrorKind::UnexpectedEof => Ok(0),
+        Err(error) => Err(error),
     }
 }
 

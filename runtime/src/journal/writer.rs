@@ -1,8 +1,9 @@
 //! Writes a journal on its own thread, for a sync may take long and must not delay the drone.
 
 use std::io;
-use std::sync::mpsc::{self, Receiver, SyncSender};
+use std::sync::mpsc::{self, Receiver, RecvTimeoutError, SyncSender};
 use std::thread::{self, JoinHandle};
+use std::time::Duration;
 
 use muster_machines::node::{Checkpoint, Checkpoints};
 use thiserror::Error;
@@ -12,6 +13,9 @@ use super::{Journal, Storage};
 /// The most checkpoints that wait for the disk.
 pub const WAITING_MAX: usize = 4_096;
 
+/// Pause after a failed write, unless a checkpoint comes sooner.
+const RETRY_AFTER: Duration = Duration::from_secs(1);
+
 /// A checkpoint was dropped, for the disk does not keep up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Error)]
 #[error("{WAITING_MAX} checkpoints wait for the disk")]
@@ -20,11 +24,11 @@ pub struct QueueFull;
 /// Result of writing checkpoints, by their numbers.
 #[derive(Debug)]
 pub enum WriteReport {
-    /// All checkpoints up to this number are durable.
+    /// Each checkpoint up to this number, or a newer one of its machine, is durable.
     DurableUpTo(u64),
-    /// A checkpoint could not be written.
+    /// The checkpoint with this number or one before it may not be durable. The journal is written again.
     Failed {
-        /// The checkpoint's number.
+        /// Number of the last checkpoint that was to be written.
         number: u64,
         /// The system's error.
         error: io::Error,
@@ -51,7 +55,8 @@ struct Entry {
 
 impl Writer {
     /// Starts the thread that writes to a journal with the newest checkpoints `all`. It calls `report` with each result.
-    /// Checkpoints that were queued during a sync are written and synced together.
+    /// Checkpoints that were queued during a sync are written and synced together. After a failure the whole journal is
+    /// rewritten, with the next checkpoint or after a second, until that succeeds.
     ///
     /// # Errors
     /// If the system can't start a thread.
@@ -108,41 +113,58 @@ fn write_all<S: Storage>(
     entries: &Receiver<Entry>,
     mut report: impl FnMut(WriteReport),
 ) {
-    while let Ok(first) = entries.recv() {
-        let (mut results, mut needs_sync) = (Vec::new(), false);
-        for entry in std::iter::once(first).chain(entries.try_iter()) {
+    // What was written before a failure may be lost: only a journal that is replaced as a whole makes up for it.
+    let mut must_rewrite = false;
+    let mut number = 0;
+    loop {
+        let first = match entries.recv_timeout(if must_rewrite {
+            RETRY_AFTER
+        } else {
+            Duration::MAX
+        }) {
+            Ok(entry) => Some(entry),
+            Err(RecvTimeoutError::Timeout) => None,
+            Err(RecvTimeoutError::Disconnected) => return,
+        };
+        let batch: Vec<_> = first.into_iter().chain(entries.try_iter()).collect();
+        for entry in &batch {
             all.keep(entry.checkpoint.clone());
-            let added = journal.add(&entry.checkpoint, &all);
-            needs_sync |= entry.must_sync && added.is_ok();
-            results.push((entry.number, entry.must_sync, added));
+            number = entry.number;
         }
-        let synced = if needs_sync { journal.sync() } else { Ok(()) };
-        // Reported in order, so that no checkpoint counts as durable before an earlier one.
-        let mut durable = None;
-        for (number, must_sync, added) in results {
-            let failure = match (added, &synced) {
-                (Err(error), _) => error,
-                (Ok(()), Err(error)) if must_sync => {
-                    io::Error::new(error.kind(), error.to_string())
+        if !must_rewrite {
+            match append(&mut journal, &batch, &all) {
+                Ok(is_durable) if is_durable => report(WriteReport::DurableUpTo(number)),
+                Ok(_) => {}
+                Err(error) => {
+                    report(WriteReport::Failed { number, error });
+                    must_rewrite = true;
                 }
-                (Ok(()), _) => {
-                    durable = if must_sync { Some(number) } else { durable };
-                    continue;
-                }
-            };
-            durable
-                .take()
-                .map(WriteReport::DurableUpTo)
-                .into_iter()
-                .for_each(&mut report);
-            report(WriteReport::Failed {
-                number,
-                error: failure,
-            });
+            }
         }
-        durable
-            .map(WriteReport::DurableUpTo)
-            .into_iter()
-            .for_each(&mut report);
+        if must_rewrite {
+            match journal.compact(&all) {
+                Ok(()) => {
+                    must_rewrite = false;
+                    report(WriteReport::DurableUpTo(number));
+                }
+                Err(error) => report(WriteReport::Failed { number, error }),
+            }
+        }
     }
+}
+
+/// Appends checkpoints, and syncs them if one of them must be durable. Returns whether they are durable.
+fn append<S: Storage>(
+    journal: &mut Journal<S>,
+    batch: &[Entry],
+    all: &Checkpoints,
+) -> io::Result<bool> {
+    for entry in batch {
+        journal.add(&entry.checkpoint, all)?;
+    }
+    let must_sync = batch.iter().any(|it| it.must_sync);
+    if must_sync {
+        journal.sync()?;
+    }
+    Ok(must_sync)
 }

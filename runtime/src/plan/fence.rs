@@ -35,12 +35,12 @@ enum Part {
 impl Part {
     fn describe(self) -> String {
         match self {
-            Self::TakeOff => "on the way to its first slot".to_owned(),
+            Self::TakeOff => "during take-off".to_owned(),
             Self::Leg(from) => {
                 format!("on the leg from waypoint {from} to waypoint {}", from + 1)
             }
             Self::Change(at) => format!("in the change of formation at waypoint {at}"),
-            Self::Landing => "on the way to its landing place".to_owned(),
+            Self::Landing => "during the landing".to_owned(),
         }
     }
 }

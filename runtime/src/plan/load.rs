@@ -24,8 +24,8 @@ use super::layering::{Headroom, assign_layers};
 use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
 use super::raw::{self, PolicyName, ProtocolKind, Raw, VehicleKindName};
 use super::separation::check_separation;
-use super::{Plan, PoseSensor, Protocol};
-use crate::agents::Agents;
+use super::{Follow, Plan, PlanParts, PoseSensor, Protocol};
+use crate::agents::{Agents, PlannedAgent};
 use crate::diagnostic::BadInput;
 use crate::mission_file::{self, Mission};
 use crate::schema::Located;
@@ -65,33 +65,20 @@ pub fn build_plan(
     agents: Option<&Agents>,
 ) -> Result<Plan, BadInput> {
     let mission = read_mission((source, raw), read)?;
-    let waypoints: Arc<[Ned]> = mission.waypoints().into();
-    let agent = agent(source, raw, &waypoints, altitude_max_m(raw), agents)?;
-    // The swarm assembles at waypoint 0; from there on agents decide.
-    let waypoints = if agent.is_some() {
-        [waypoints[0]].into()
-    } else {
-        waypoints
-    };
-    let separation = separation(raw);
+    let (waypoints, agent) = waypoints_and_agent((source, raw), &mission, agents)?;
     let fenced = Fenced::of(raw, altitude_max_m(raw), mission.fence());
-    let ceiling_m = fenced.as_ref().and_then(Fenced::ceiling_m);
-    let ceiling_m = ceiling_m.unwrap_or(altitude_max_m(raw));
-    let fence = fenced.as_ref().map(Fenced::fence);
     let protocol = protocol(source, raw)?;
-    let mut vehicle = vehicle(raw, failsafe(source, raw, fence)?);
-    let landing = landing(raw, &vehicle);
-    let avoids = raw.safety.avoid || agent.is_some();
     let planned = planned_separation(raw);
-    vehicle.avoid = avoids.then(|| avoid(raw, planned, landing, (&vehicle, &protocol)));
-
-    let headroom = Headroom::new(raw, planned, &waypoints, ceiling_m);
+    let failsafe = failsafe(source, raw, fenced.as_ref().map(Fenced::fence))?;
+    let mut vehicle = vehicle(raw, failsafe);
+    let landing = landing(raw, &vehicle);
+    if raw.safety.avoid || agent.is_some() {
+        vehicle.avoid = Some(avoid(raw, planned, landing, (&vehicle, &protocol)));
+    }
+    let headroom = headroom(raw, planned, &waypoints, fenced.as_ref());
     let (layout, changes) = assign_layers((source, raw), &waypoints, &headroom, &vehicle)?;
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
-    let heights = Heights {
-        begin_m: waypoints[0].altitude_m(),
-        highest_m: altitude_max_m(raw) - highest_layer_m(&layout, &changes, &waypoints),
-    };
+    let heights = heights(raw, &layout, &changes, &waypoints);
     let follow = follow(source, raw, &vehicle, heights)?;
     let settle = Duration::from_millis(raw.vehicle.settle_ms.0);
     let course = Course {
@@ -102,19 +89,15 @@ pub fn build_plan(
         vehicle: follow.as_ref().map_or(&vehicle, |follow| &follow.master),
         landing,
         settle,
-        land_after: match &agent {
-            Some(_) => Some(EXPECTED),
-            None => follow.as_ref().and_then(|follow| follow.land_after),
-        },
+        land_after: land_after(agent.as_ref(), follow.as_ref()),
     };
     let fence = check_flight(source, raw, &course, fenced.as_ref(), vehicle.speed_mps)?;
-    let limits = limits(raw, separation, &course);
-    let relays = relays(source, raw)?;
+    let limits = limits(raw, separation(raw), &course);
     check_datagrams(source, raw, mission.holds())?;
-    let notes = notes(&mission, &layout);
-    Ok(Plan {
+    Ok(Plan(PlanParts {
+        notes: notes(&mission, &layout),
         layout,
-        relays,
+        relays: relays(source, raw)?,
         changes,
         home: mission.home(),
         waypoints,
@@ -127,17 +110,57 @@ pub fn build_plan(
         settle,
         vehicle_kind: raw.vehicle.kind.into(),
         receiver: receiver(source, raw)?,
-        endurance: raw
-            .vehicle
-            .endurance_s
-            .map(|it| Duration::from_secs_f64(it.0)),
+        endurance: (raw.vehicle.endurance_s).map(|it| Duration::from_secs_f64(it.0)),
         pose: pose(source, raw)?,
         gains: gains(source, raw)?,
         alone: raw.failsafe.alone.into(),
         limits,
         fence,
-        notes,
-    })
+    }))
+}
+
+/// When the swarm lands, counted from when all are in their slots, as far as is known. `None` for a mission.
+fn land_after(agent: Option<&PlannedAgent>, follow: Option<&Follow>) -> Option<Duration> {
+    match agent {
+        Some(_) => Some(EXPECTED),
+        None => follow?.land_after,
+    }
+}
+
+fn headroom(
+    raw: &Raw,
+    planned: Separation,
+    waypoints: &[Ned],
+    fenced: Option<&Fenced<'_>>,
+) -> Headroom {
+    let ceiling_m = fenced.and_then(Fenced::ceiling_m);
+    let ceiling_m = ceiling_m.unwrap_or(altitude_max_m(raw));
+    Headroom::new(raw, planned, waypoints, ceiling_m)
+}
+
+/// Where a followed master may fly.
+fn heights(raw: &Raw, layout: &Layout, changes: &[Change], waypoints: &[Ned]) -> Heights {
+    Heights {
+        begin_m: waypoints[0].altitude_m(),
+        highest_m: altitude_max_m(raw) - highest_layer_m(layout, changes, waypoints),
+    }
+}
+
+/// The waypoints to fly in lockstep, and the agents that decide after them.
+fn waypoints_and_agent(
+    (source, raw): (&Source, &Raw),
+    mission: &Mission,
+    agents: Option<&Agents>,
+) -> Result<(Arc<[Ned]>, Option<PlannedAgent>), BadInput> {
+    let waypoints: Arc<[Ned]> = mission.waypoints().into();
+    let agent = agent(source, raw, &waypoints, altitude_max_m(raw), agents)?;
+    // The swarm assembles at waypoint 0; from there on agents decide.
+    let waypoints = if agent.is_some() {
+        [waypoints[0]].into()
+    } else {
+        waypoints
+    };
+    Ok((waypoints, agent))
 }
 
 fn pose(source: &Source, raw: &Raw) -> Result<Option<PoseSensor>, BadInput> {

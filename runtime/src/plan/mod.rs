@@ -14,6 +14,7 @@ mod load;
 pub mod raw;
 pub mod separation;
 
+use std::ops::Deref;
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
@@ -56,9 +57,23 @@ pub fn reference() -> String {
     raw::reference(&schema().fields)
 }
 
-/// Flight plan of a swarm. Its fields are checked against each other.
+/// Flight plan of a swarm. Its parts can be read as fields, but not set.
+///
+/// Invariant: a plan can be flown. Its parts were checked against each other when it was read.
 #[derive(Debug, Clone)]
-pub struct Plan {
+pub struct Plan(PlanParts);
+
+impl Deref for Plan {
+    type Target = PlanParts;
+
+    fn deref(&self) -> &PlanParts {
+        &self.0
+    }
+}
+
+/// The parts of a flight plan.
+#[derive(Debug, Clone)]
+pub struct PlanParts {
     /// Slots, altitude layers and places on the ground.
     pub layout: Arc<Layout>,
     /// Positions of pure relays. Their ids follow those of the drones.
@@ -119,6 +134,25 @@ pub struct PoseSensor {
 impl Plan {
     /// Id of the first swarm in a world; others are numbered consecutively.
     pub const FIRST_SWARM: SwarmId = SwarmId(1);
+
+    /// The agents, to fly with others in their place. `None` with other protocols.
+    pub const fn agent_mut(&mut self) -> Option<&mut PlannedAgent> {
+        self.0.agent.as_mut()
+    }
+
+    /// The same plan, flown by sticks with these gains.
+    #[must_use]
+    pub const fn with_gains(mut self, gains: controller::Gains) -> Self {
+        self.0.gains = gains;
+        self
+    }
+
+    /// The same plan, with this bound for a run.
+    #[must_use]
+    pub const fn with_duration(mut self, duration: Duration) -> Self {
+        self.0.limits.duration = duration;
+        self
+    }
 
     /// Whether the flight needs a simulated pilot or operator.
     #[must_use]
@@ -225,7 +259,7 @@ impl Plan {
     /// Configuration of a drone's machines, with a simulated vehicle's link and a simulation's authenticator.
     pub fn blueprint(&self, swarm: SwarmId, id: NodeId) -> Blueprint {
         let protocol = self.protocol;
-        let leads = id == self.layout.formation().centre();
+        let leads = id == self.centre();
         Blueprint {
             id,
             radio: radio::Config {
@@ -241,41 +275,7 @@ impl Plan {
             },
             authenticator: Arc::new(IdealAuthenticator),
             routing: self.routing(id),
-            mission: mission::Config {
-                id,
-                layout: Arc::clone(&self.layout),
-                mission: if leads {
-                    Arc::clone(&self.waypoints)
-                } else {
-                    Arc::default()
-                },
-                holds: if leads {
-                    self.holds.clone()
-                } else {
-                    Holds::default()
-                },
-                changes: Arc::clone(&self.changes),
-                conduct: self.conduct(),
-                barrier: protocol.barrier,
-                liveness: protocol.liveness,
-                succession: protocol.succession,
-                alone: self.alone,
-                spreading_grace: match protocol.succession {
-                    Succession::Elect => protocol.time_to_live * 3,
-                    Succession::Land => protocol.time_to_live,
-                },
-                candidacy_back_off: match (protocol.succession, protocol.liveness) {
-                    // As long as a frame with one retransmission takes to a neighbour.
-                    (Succession::Elect, Liveness::Heartbeat) => protocol.repair * 2,
-                    (Succession::Land, _) | (_, Liveness::Thesis) => Duration::ZERO,
-                },
-                set_up_limit: self.limits.set_up,
-                take_off_limit: self.limits.take_off,
-                landing_limit: self.limits.leg + self.limits.landing,
-                leg_limit: self.limits.leg,
-                flight_time: self.limits.flight_time,
-                waypoints_max: self.limits.waypoints_max,
-            },
+            mission: self.mission(id),
             agent: self.agent_config(id),
             navigation: match &self.follow {
                 Some(follow) if leads => follow.master.clone(),
@@ -289,6 +289,46 @@ impl Plan {
 }
 
 impl Plan {
+    fn mission(&self, id: NodeId) -> mission::Config {
+        let protocol = self.protocol;
+        let leads = id == self.centre();
+        mission::Config {
+            id,
+            layout: Arc::clone(&self.layout),
+            mission: if leads {
+                Arc::clone(&self.waypoints)
+            } else {
+                Arc::default()
+            },
+            holds: if leads {
+                self.holds.clone()
+            } else {
+                Holds::default()
+            },
+            changes: Arc::clone(&self.changes),
+            conduct: self.conduct(),
+            barrier: protocol.barrier,
+            liveness: protocol.liveness,
+            succession: protocol.succession,
+            alone: self.alone,
+            spreading_grace: match protocol.succession {
+                Succession::Elect => protocol.time_to_live * 3,
+                Succession::Land => protocol.time_to_live,
+            },
+            candidacy_back_off: match (protocol.succession, protocol.liveness) {
+                // As long as a frame with one retransmission takes to a neighbour.
+                (Succession::Elect, Liveness::Heartbeat) => protocol.repair * 2,
+                (Succession::Land, _) | (_, Liveness::Thesis) => Duration::ZERO,
+            },
+            set_up_limit: self.limits.set_up,
+            take_off_limit: self.limits.take_off,
+            landing_limit: self.limits.leg + self.limits.landing,
+            leg_limit: self.limits.leg,
+            flight_time: self.limits.flight_time,
+            waypoints_max: self.limits.waypoints_max,
+        }
+    }
+
     /// What the swarm does once all drones are in their slots.
     fn conduct(&self) -> Conduct {
         match (&self.follow, &self.agent) {

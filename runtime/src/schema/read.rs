@@ -202,10 +202,10 @@ impl<'de> Deserializer<'de> for Node<'_> {
     }
 }
 
-/// The values of a list, or a value after its place.
+/// The values of a list, or a located value while it is read.
 enum Items<'a> {
     Values(slice::Iter<'a, Spanned<DeValue<'a>>>),
-    /// The value, unless it was taken, and how many items were.
+    /// The value until it is taken, and the number of entries read.
     Located(Option<Node<'a>>, u8),
 }
 

@@ -31,7 +31,7 @@ fn close(a: f64, b: f64) -> bool {
 }
 
 #[test]
-fn long_leg_is_a_trapezoid_and_short_leg_a_triangle() {
+fn speed_profile_is_a_trapezoid_on_long_legs_and_a_triangle_on_short_ones() {
     for (length_m, seconds) in [(500.0, 60.0), (100.0, 20.0), (25.0, 10.0)] {
         let mut vehicle = hovering();
         assert!(vehicle.execute(at(5.0), leg(length_m, 20.0)));

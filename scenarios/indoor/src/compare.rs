@@ -110,13 +110,15 @@ pub struct Flown {
 /// Flies all methods through all traps, VFH+ without and with a path.
 #[must_use]
 pub fn compare() -> Vec<Flown> {
-    let ways = [
+    let variants = [
         (Method::PotentialFields, false),
         (Method::Vfh, false),
         (Method::VfhPlus, false),
         (Method::VfhPlus, true),
     ];
-    let all = TRAPS.iter().flat_map(|trap| ways.map(|way| (trap, way)));
+    let all = TRAPS
+        .iter()
+        .flat_map(|trap| variants.map(|variant| (trap, variant)));
     all.map(|(trap, (method, with_path))| fly(trap, method, with_path))
         .collect()
 }
@@ -181,11 +183,11 @@ fn fly(trap: &Trap, method: Method, with_path: bool) -> Flown {
     let cells = (0.1 / MAP_CELL_M) as usize;
     let map = Map::from_text(&widened(trap.plan, cells), MAP_CELL_M);
     let map = Arc::new(map.expect("shipped traps are tested"));
-    let way = with_path.then(|| {
+    let path = with_path.then(|| {
         let floor = Floor::new(Arc::clone(&map), LIMITS.radius_m);
         floor
-            .way(trap.start, trap.goal)
-            .expect("shipped traps have a way")
+            .path(trap.start, trap.goal)
+            .expect("shipped traps have a path")
     });
     let mut avoider = method.avoider(LIMITS);
     let mut robot = Robot {
@@ -195,11 +197,11 @@ fn fly(trap: &Trap, method: Method, with_path: bool) -> Flown {
         turn_rps: 0.0,
     };
     let (mut time_s, mut clearance_m, mut swings) = (0.0, f64::INFINITY, Swings::default());
-    while robot.at.distance_m(trap.goal) > REACHED_M
-        && time_s < TIME_MAX_S
-        && clearance_m >= CLEARANCE_M
-    {
-        let to = way.as_deref().map_or(trap.goal, |way| ahead(way, robot.at));
+    let is_far = |robot: &Robot| robot.at.distance_m(trap.goal) > REACHED_M;
+    while is_far(&robot) && time_s < TIME_MAX_S && clearance_m >= CLEARANCE_M {
+        let to = path
+            .as_deref()
+            .map_or(trap.goal, |path| ahead(path, robot.at));
         let grid = surroundings(&map, robot.at);
         let steering = avoider.steer(&Situation {
             grid: &grid,
@@ -225,23 +227,28 @@ fn fly(trap: &Trap, method: Method, with_path: bool) -> Flown {
         time_s += PERIOD_S;
     }
     let swings_a_minute = f64::from(swings.count) * 60.0 / time_s;
-    let fate = if clearance_m < CLEARANCE_M {
+    let left_m = robot.at.distance_m(trap.goal);
+    Flown {
+        trap: trap.name,
+        method,
+        with_path,
+        fate: fate(clearance_m, left_m, swings_a_minute),
+        time_s,
+        clearance_m,
+        swings_a_minute,
+    }
+}
+
+/// How a flight ended that is `left_m` from its goal.
+fn fate(clearance_m: f64, left_m: f64, swings_a_minute: f64) -> Fate {
+    if clearance_m < CLEARANCE_M {
         Fate::Touched
-    } else if robot.at.distance_m(trap.goal) > REACHED_M {
+    } else if left_m > REACHED_M {
         Fate::Trapped
     } else if swings_a_minute > SWINGS_A_MINUTE {
         Fate::Swung
     } else {
         Fate::Passed
-    };
-    Flown {
-        trap: trap.name,
-        method,
-        with_path,
-        fate,
-        time_s,
-        clearance_m,
-        swings_a_minute,
     }
 }
 
@@ -285,9 +292,9 @@ fn surroundings(map: &Map, at: MapXy) -> CertaintyGrid {
     grid
 }
 
-/// The point of a way that lies [`AHEAD_M`] after the one nearest to the robot.
-fn ahead(way: &[MapXy], at: MapXy) -> MapXy {
-    let points: Vec<MapXy> = way
+/// The point of a path that lies [`AHEAD_M`] after the one nearest to the robot.
+fn ahead(path: &[MapXy], at: MapXy) -> MapXy {
+    let points: Vec<MapXy> = path
         .windows(2)
         .flat_map(|leg| {
             let steps = (leg[0].distance_m(leg[1]) / CELL_M).ceil().max(1.0);

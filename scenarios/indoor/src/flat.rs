@@ -51,7 +51,7 @@ pub struct Flat {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Walk {
     /// Corners, at least two.
-    pub way: Vec<MapXy>,
+    pub path: Vec<MapXy>,
     /// In m/s.
     pub speed_mps: f64,
 }
@@ -87,7 +87,7 @@ struct RawCamera {
 #[serde(deny_unknown_fields)]
 struct RawWalk {
     speed_mps: f64,
-    way: Vec<[f64; 2]>,
+    path: Vec<[f64; 2]>,
 }
 
 /// Name and one line of each shipped flat.
@@ -135,78 +135,104 @@ impl Flat {
                     error
                 }
             })?;
-        let raw = &file.raw;
-        let cell_m = *raw.cell_m.get_ref();
-        if !(CHARACTER_M.0..=CHARACTER_M.1).contains(&cell_m) {
-            let help = format!("{} to {} metres", CHARACTER_M.0, CHARACTER_M.1);
-            return Err(file.error_with(
-                raw.cell_m.span(),
-                &format!("`cell_m` can't be {cell_m}"),
-                &help,
-            ));
-        }
-        let cells = (cell_m / CELL_M).round() as usize;
-        // The drawn plan first, for the places in its errors.
-        let map = Map::from_text(raw.plan.get_ref(), cell_m)
-            .and_then(|_| Map::from_text(&widened(raw.plan.get_ref(), cells), CELL_M))
-            .map_err(|error| file.error_with(raw.plan.span(), &error.message, &error.accepted))?;
-        let is_free =
-            |point: MapXy| map.distance_m(point) > 0.0 && map.distance_m(point).is_finite();
-        let RawPose {
-            x_m,
-            y_m,
-            heading_deg,
-        } = raw.start.get_ref();
-        let start = MapPose::new(*x_m, *y_m, heading_deg.to_radians());
-        if !is_free(start.at) {
-            let help = "a place inside, clear of walls";
-            return Err(file.error_with(raw.start.span(), "the drone can't start in a wall", help));
-        }
-        let RawCamera { range_m, cone_deg } = raw.camera.get_ref();
-        if !(0.5..=20.0).contains(range_m) || !(20.0..=360.0).contains(cone_deg) {
-            let help = "`range_m` from 0.5 to 20, `cone_deg` from 20 to 360";
-            return Err(file.error_with(raw.camera.span(), "no such camera", help));
-        }
-        if let Some(one_more) = raw.people.get(PEOPLE_MAX) {
-            let help = format!("at most {PEOPLE_MAX} people");
-            return Err(file.error_with(one_more.span(), "too many people", &help));
-        }
-        let mut people = Vec::new();
-        for person in &raw.people {
-            let RawWalk { speed_mps, way } = person.get_ref();
-            let way: Vec<MapXy> = way.iter().map(|[x, y]| MapXy::new(*x, *y)).collect();
-            let is_leg = |leg: &[MapXy]| {
-                let (bearing_rad, length_m) =
-                    (leg[0].bearing_rad(leg[1]), leg[0].distance_m(leg[1]));
-                map.cast(leg[0], bearing_rad, length_m).is_none()
-            };
-            let is_walk =
-                way.len() >= 2 && way.iter().all(|it| is_free(*it)) && way.windows(2).all(is_leg);
-            if !is_walk || !(0.1..=3.0).contains(speed_mps) {
-                let help = "`way` has two places inside at least, straight legs without walls between; `speed_mps` is from 0.1 to 3";
-                return Err(file.error_with(person.span(), "nobody can walk so", help));
-            }
-            people.push(Walk {
-                way,
-                speed_mps: *speed_mps,
-            });
-        }
+        let map = drawn_map(&file)?;
+        let start = start(&file, &map)?;
+        let camera = camera(&file)?;
+        let people = people(&file, &map)?;
         Ok(Self {
             name: path
                 .file_stem()
                 .unwrap_or_default()
                 .to_string_lossy()
                 .into_owned(),
-            about: raw.about.clone(),
+            about: file.raw.about.clone(),
             map: Arc::new(map),
             start,
-            camera: View {
-                range_m: *range_m,
-                cone_rad: cone_deg.to_radians(),
-            },
+            camera,
             people,
         })
     }
+}
+
+/// The map of the drawn plan.
+fn drawn_map(file: &TomlFile<Raw>) -> Result<Map, BadInput> {
+    let raw = &file.raw;
+    let cell_m = *raw.cell_m.get_ref();
+    if !(CHARACTER_M.0..=CHARACTER_M.1).contains(&cell_m) {
+        let help = format!("{} to {} metres", CHARACTER_M.0, CHARACTER_M.1);
+        return Err(file.error_with(
+            raw.cell_m.span(),
+            &format!("`cell_m` can't be {cell_m}"),
+            &help,
+        ));
+    }
+    let cells = (cell_m / CELL_M).round() as usize;
+    // The drawn plan first, for the places in its errors.
+    Map::from_text(raw.plan.get_ref(), cell_m)
+        .and_then(|_| Map::from_text(&widened(raw.plan.get_ref(), cells), CELL_M))
+        .map_err(|error| file.error_with(raw.plan.span(), &error.message, &error.accepted))
+}
+
+/// Whether a point is inside and clear of walls.
+fn is_free(map: &Map, point: MapXy) -> bool {
+    map.distance_m(point) > 0.0 && map.distance_m(point).is_finite()
+}
+
+fn start(file: &TomlFile<Raw>, map: &Map) -> Result<MapPose, BadInput> {
+    let raw = &file.raw;
+    let RawPose {
+        x_m,
+        y_m,
+        heading_deg,
+    } = raw.start.get_ref();
+    let start = MapPose::new(*x_m, *y_m, heading_deg.to_radians());
+    if !is_free(map, start.at) {
+        let help = "a place inside, clear of walls";
+        return Err(file.error_with(raw.start.span(), "the drone can't start in a wall", help));
+    }
+    Ok(start)
+}
+
+fn camera(file: &TomlFile<Raw>) -> Result<View, BadInput> {
+    let raw = &file.raw;
+    let RawCamera { range_m, cone_deg } = raw.camera.get_ref();
+    if !(0.5..=20.0).contains(range_m) || !(20.0..=360.0).contains(cone_deg) {
+        let help = "`range_m` from 0.5 to 20, `cone_deg` from 20 to 360";
+        return Err(file.error_with(raw.camera.span(), "no such camera", help));
+    }
+    Ok(View {
+        range_m: *range_m,
+        cone_rad: cone_deg.to_radians(),
+    })
+}
+
+fn people(file: &TomlFile<Raw>, map: &Map) -> Result<Vec<Walk>, BadInput> {
+    let raw = &file.raw;
+    if let Some(one_more) = raw.people.get(PEOPLE_MAX) {
+        let help = format!("at most {PEOPLE_MAX} people");
+        return Err(file.error_with(one_more.span(), "too many people", &help));
+    }
+    let mut people = Vec::new();
+    for person in &raw.people {
+        let RawWalk { speed_mps, path } = person.get_ref();
+        let path: Vec<MapXy> = path.iter().map(|[x, y]| MapXy::new(*x, *y)).collect();
+        let is_leg = |leg: &[MapXy]| {
+            let (bearing_rad, length_m) = (leg[0].bearing_rad(leg[1]), leg[0].distance_m(leg[1]));
+            map.cast(leg[0], bearing_rad, length_m).is_none()
+        };
+        let is_walk = path.len() >= 2
+            && path.iter().all(|it| is_free(map, *it))
+            && path.windows(2).all(is_leg);
+        if !is_walk || !(0.1..=3.0).contains(speed_mps) {
+            let help = "`path` has two places inside at least, straight legs without walls between; `speed_mps` is from 0.1 to 3";
+            return Err(file.error_with(person.span(), "nobody can walk so", help));
+        }
+        people.push(Walk {
+            path,
+            speed_mps: *speed_mps,
+        });
+    }
+    Ok(people)
 }
 
 /// Whether a text is TOML of another kind: it has neither a plan nor the size of a plan's characters.

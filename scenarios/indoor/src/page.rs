@@ -19,8 +19,8 @@ const COLOURS: usize = 5;
 
 /// The page of a path.
 #[must_use]
-pub fn path(name: &str, map: &Map, radius_m: f64, way: &[MapXy]) -> String {
-    let length_m: f64 = way.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
+pub fn path(name: &str, map: &Map, radius_m: f64, path: &[MapXy]) -> String {
+    let length_m: f64 = path.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
     let drawing = Drawing::new(map);
     let content = html! {
         header {
@@ -29,15 +29,15 @@ pub fn path(name: &str, map: &Map, radius_m: f64, way: &[MapXy]) -> String {
         }
         div.cards {
             (card("Length", &figure(length_m, 1), "m"))
-            (card("Straight legs", &figure(way.len().saturating_sub(1) as f64, 0), ""))
+            (card("Straight legs", &figure(path.len().saturating_sub(1) as f64, 0), ""))
             (card("Kept from walls", &figure(radius_m, 2), "m"))
         }
         section {
             h2 { "Map" }
             (drawing.svg(&html! {
-                (drawing.line(way, "way s0"))
-                @for corner in way { (drawing.dot(*corner, 3.0, "s0")) }
-                (drawing.ends(way))
+                (drawing.line(path, "path s0"))
+                @for corner in path { (drawing.dot(*corner, 3.0, "s0")) }
+                (drawing.ends(path))
             }))
             ul.legend { li { span.chip.s0 {} "path" } li { span.chip.wall {} "wall or unknown" } }
         }
@@ -51,7 +51,7 @@ pub fn cover(
     name: &str,
     map: &Map,
     tours: &[Tour],
-    ways: &[Vec<MapXy>],
+    paths: &[Vec<MapXy>],
     places: &Places,
 ) -> String {
     let drawing = Drawing::new(map);
@@ -72,7 +72,7 @@ pub fn cover(
             p.about { "A drone looks round once at each numbered stop." }
             (drawing.svg(&html! {
                 (drawing.squares(hidden.map(|target| places.targets().centre(target)), "hidden"))
-                @for (drone, way) in ways.iter().enumerate() { (drawing.line(way, &format!("way s{}", drone % COLOURS))) }
+                @for (drone, path) in paths.iter().enumerate() { (drawing.line(path, &format!("path s{}", drone % COLOURS))) }
                 @for (drone, tour) in tours.iter().enumerate() {
                     @for (number, stop) in (1..).zip(&tour.stops) { (drawing.stop(*stop, number, drone % COLOURS)) }
                 }
@@ -82,7 +82,7 @@ pub fn cover(
                 li { span.chip.hidden {} "can't be seen" }
             }
             div.scroll { table {
-                thead { tr { th.n { "Drone" } th.n { "Stops" } th.n { "Way, m" } } }
+                thead { tr { th.n { "Drone" } th.n { "Stops" } th.n { "Path, m" } } }
                 tbody { @for (drone, tour) in tours.iter().enumerate() {
                     tr { td.n { (drone) } td.n { (tour.stops.len()) } td.n { (figure(tour.length_m, 1)) } }
                 } }
@@ -156,7 +156,7 @@ fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
                 (drawing.squares(unseen, "unseen"))
                 @for walk in walks { (drawing.line(&walk, "walk")) }
                 (drawing.line(&believed, "believed"))
-                (drawing.line(&track, "way s0"))
+                (drawing.line(&track, "path s0"))
                 @for (number, stop) in (1..).zip(&prepared.config.stops) { (drawing.stop(*stop, number, 0)) }
                 @for touch in &first.touches { (drawing.dot(touch.place, 7.0, "touch")) }
                 (drawing.ends(&track))

@@ -1,4 +1,4 @@
-//! People who walk to and fro. They stop before a drone, and turn back if it stays in their way.
+//! People who walk to and fro. They stop before a drone, and turn back if it stays in their path.
 
 use muster_indoor::frames::MapXy;
 use muster_indoor::random::uniform;
@@ -20,7 +20,7 @@ const SPREAD: f64 = 0.2;
 pub(crate) struct Person {
     walk: Walk,
     speed_mps: f64,
-    /// Place on the way, in metres from its begin.
+    /// Place on the path, in metres from its begin.
     along_m: f64,
     forward: bool,
     stopped_s: f64,
@@ -30,12 +30,12 @@ pub(crate) struct Person {
 }
 
 impl Person {
-    /// Somewhere on the way.
+    /// Somewhere on the path.
     pub(crate) fn new(walk: &Walk, rng: &mut ChaCha8Rng) -> Self {
-        let along_m = uniform(rng) * length_m(&walk.way);
+        let along_m = uniform(rng) * length_m(&walk.path);
         Self {
             speed_mps: walk.speed_mps * (1.0 + SPREAD * (2.0 * uniform(rng) - 1.0)),
-            at: point_at(&walk.way, along_m),
+            at: point_at(&walk.path, along_m),
             walk: walk.clone(),
             along_m,
             forward: uniform(rng) < 0.5,
@@ -54,7 +54,7 @@ impl Person {
 
     /// Walks for `dt_s` seconds, unless that leads closer than [`STOP_M`] to the drone.
     pub(crate) fn step(&mut self, dt_s: f64, drone: MapXy) {
-        let end_m = length_m(&self.walk.way);
+        let end_m = length_m(&self.walk.path);
         let step_m = self.speed_mps * dt_s * if self.forward { 1.0 } else { -1.0 };
         let along_m = self.along_m + step_m;
         if !(0.0..=end_m).contains(&along_m) {
@@ -62,7 +62,7 @@ impl Person {
             self.velocity = (0.0, 0.0);
             return;
         }
-        let next = point_at(&self.walk.way, along_m);
+        let next = point_at(&self.walk.path, along_m);
         let (now_m, next_m) = (self.at.distance_m(drone), next.distance_m(drone));
         if next_m < now_m && next_m < STOP_M + RADIUS_M {
             self.velocity = (0.0, 0.0);
@@ -83,17 +83,17 @@ impl Person {
     }
 }
 
-fn length_m(way: &[MapXy]) -> f64 {
-    way.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum()
+fn length_m(path: &[MapXy]) -> f64 {
+    path.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum()
 }
 
-fn point_at(way: &[MapXy], mut along_m: f64) -> MapXy {
-    for leg in way.windows(2) {
+fn point_at(path: &[MapXy], mut along_m: f64) -> MapXy {
+    for leg in path.windows(2) {
         let leg_m = leg[0].distance_m(leg[1]);
         if along_m <= leg_m {
             return leg[0].towards(leg[0].bearing_rad(leg[1]), along_m);
         }
         along_m -= leg_m;
     }
-    way[way.len() - 1]
+    path[path.len() - 1]
 }

@@ -53,7 +53,7 @@ const EXACT: SonarModel = SonarModel {
     sigma_m: 0.0,
     lost: 0.0,
 };
-/// Way that takes as long as to look round once, in metres.
+/// Distance that takes as long as to look round once, in metres.
 const TURN_M: f64 = 3.5;
 
 /// What is chosen for a run.

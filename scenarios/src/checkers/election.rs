@@ -10,7 +10,7 @@ use super::Violation;
 pub(crate) struct ElectionChecker {
     /// The ballot that each drone follows.
     leader: Vec<Option<Ballot>>,
-    /// When each turned to it.
+    /// Time at which each drone began to follow that leader.
     since: Vec<Timestamp>,
 }
 
@@ -28,7 +28,7 @@ impl ElectionChecker {
         drone: NodeId,
         event: &Event,
     ) -> Option<Violation> {
-        if let Event::Obeys(_) = event {
+        if let Event::Follows(_) = event {
             self.since[drone.0 as usize] = now;
         }
         let leader = &mut self.leader[drone.0 as usize];
@@ -39,7 +39,7 @@ impl ElectionChecker {
             what,
         };
         match *event {
-            Event::Obeys(ballot) => match leader.replace(ballot) {
+            Event::Follows(ballot) => match leader.replace(ballot) {
                 Some(before) if !ballot.beats(&before) => Some(violation(format!(
                     "drone {drone} turned from {before} to {ballot}, which is not better"
                 ))),
@@ -87,12 +87,12 @@ mod tests {
     #[test]
     fn a_falling_ballot_breaks_the_rule() {
         let mut checker = ElectionChecker::new(2);
-        assert!(!observe(&mut checker, 1, &Event::Obeys(ballot(1, 0))));
-        assert!(!observe(&mut checker, 1, &Event::Obeys(ballot(2, 1))));
-        assert!(!observe(&mut checker, 1, &Event::Obeys(ballot(2, 0))));
-        assert!(observe(&mut checker, 1, &Event::Obeys(ballot(2, 1))));
+        assert!(!observe(&mut checker, 1, &Event::Follows(ballot(1, 0))));
+        assert!(!observe(&mut checker, 1, &Event::Follows(ballot(2, 1))));
+        assert!(!observe(&mut checker, 1, &Event::Follows(ballot(2, 0))));
+        assert!(observe(&mut checker, 1, &Event::Follows(ballot(2, 1))));
         assert!(
-            observe(&mut checker, 1, &Event::Obeys(ballot(2, 1))),
+            observe(&mut checker, 1, &Event::Follows(ballot(2, 1))),
             "nor may it stay"
         );
     }
@@ -102,9 +102,9 @@ mod tests {
         let mut checker = ElectionChecker::new(2);
         let opens = Event::Opened { waypoint: 3 };
         assert!(observe(&mut checker, 0, &opens), "it has no ballot yet");
-        observe(&mut checker, 0, &Event::Obeys(ballot(1, 0)));
+        observe(&mut checker, 0, &Event::Follows(ballot(1, 0)));
         assert!(!observe(&mut checker, 0, &opens));
-        observe(&mut checker, 1, &Event::Obeys(ballot(1, 0)));
+        observe(&mut checker, 1, &Event::Follows(ballot(1, 0)));
         assert!(observe(&mut checker, 1, &opens));
         assert!(observe(&mut checker, 1, &Event::LeftOut(NodeId(0))));
     }

@@ -50,7 +50,7 @@ pub struct Question {
     pub start: Start,
     /// The laser's place, direction and range.
     pub laser: Mounting,
-    /// The pose at the last scan, if it is known and the log doesn't say it.
+    /// True pose at the last scan, if the log does not record it.
     pub end: Option<MapPose>,
 }
 
@@ -105,7 +105,7 @@ pub struct Track {
 }
 
 impl Track {
-    /// The scan from which on the filter is not lost.
+    /// Index of the first scan after which the filter is never lost.
     #[must_use]
     pub fn found_at(&self) -> Option<usize> {
         let lost = self.scans.iter().rposition(|scan| scan.is_lost);

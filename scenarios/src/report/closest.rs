@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn drones_of_the_sample_are_a_slot_apart_on_their_way() {
+    fn drones_of_the_sample_are_a_slot_apart_on_legs() {
         let (report, flight) = sample::swarm(5);
         let closest = closest(&report, &flight);
         let (distance_m, a, b) = closest.pairs[closest.pairs.len() / 2].unwrap();

@@ -49,17 +49,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         simulated_s: script.end_s,
         wall_s: 1.87,
         clock_uncertainty_s: None,
-        bridges: [
-            (master.wrapping_sub(1), 0..master.saturating_sub(1)),
-            (master + 1, master + 2..drones),
-        ]
-        .into_iter()
-        .map(|(bridge, beyond)| Bridge {
-            bridge,
-            out_of_range: beyond.collect(),
-        })
-        .filter(|bridge| !bridge.out_of_range.is_empty())
-        .collect(),
+        bridges: bridges(master, drones),
         agent_failures: Vec::new(),
         observed: Vec::new(),
         never_met: vec![],
@@ -86,6 +76,21 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         others: vec![],
     };
     (report, flight)
+}
+
+/// The drones beside the master, and those that only they can reach.
+fn bridges(master: u32, drones: u32) -> Vec<Bridge> {
+    let sides = [
+        (master.wrapping_sub(1), 0..master.saturating_sub(1)),
+        (master + 1, master + 2..drones),
+    ];
+    let bridges = sides.into_iter().map(|(bridge, beyond)| Bridge {
+        bridge,
+        out_of_range: beyond.collect(),
+    });
+    bridges
+        .filter(|bridge| !bridge.out_of_range.is_empty())
+        .collect()
 }
 
 /// A run of six drones with restarts, an early landing and violations.

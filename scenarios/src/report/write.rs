@@ -254,7 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn failed_write_leaves_no_draft() {
+    fn failed_write_leaves_no_temporary_file() {
         let (report, flight) = sample::swarm(2);
         for taken in [REPORT_HTML, TRACKS_CSV, REPORT_JSON] {
             let dir = tempfile::tempdir().unwrap();

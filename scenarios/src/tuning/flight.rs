@@ -22,7 +22,7 @@ use crate::world::{Controllers, PortState};
 const DRONE: NodeId = NodeId(0);
 /// Height of the test, in metres: above the ground's effect and below a ceiling.
 const HEIGHT_M: f64 = 3.0;
-/// Length of a step aside, in metres.
+/// Length of a step sideways, in metres.
 const STEP_M: f64 = 2.0;
 /// Length of a step up, in metres.
 const CLIMB_M: f64 = 1.0;
@@ -41,7 +41,7 @@ const PATIENCE: Duration = Duration::from_secs(30);
 
 /// What the drone orders: from `at_s` on, seconds from the start.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Demand {
+pub(super) struct Commanded {
     pub(super) at_s: f64,
     /// Nose down and to the right, in radians.
     pub(super) tilt_rad: [f64; 2],
@@ -62,14 +62,14 @@ pub(super) struct Attitude {
 /// A flight, as the drone saw it.
 #[derive(Debug, Default)]
 pub(super) struct Recording {
-    pub(super) demands: Vec<Demand>,
+    pub(super) commands: Vec<Commanded>,
     pub(super) attitudes: Vec<Attitude>,
     /// North, east and up: when each was measured, and metres.
     pub(super) places: [Vec<(f64, f64)>; 3],
     /// When it hovers, in seconds from the start.
     pub(super) hovers: Range<f64>,
-    /// When it steps aside, likewise.
-    pub(super) steps_aside: Range<f64>,
+    /// When it steps sideways, likewise.
+    pub(super) steps_sideways: Range<f64>,
     /// When it steps up and down, likewise.
     pub(super) steps_up: Range<f64>,
 }
@@ -86,13 +86,13 @@ pub(super) fn fly(scenario: &Scenario, gains: Gains, seed: u64) -> Result<Record
             test.step_to(Ned::new(north_m, east_m, -HEIGHT_M))?;
         }
     }
-    test.recording.steps_aside = test.recording.hovers.end..test.now.as_secs_f64();
+    test.recording.steps_sideways = test.recording.hovers.end..test.now.as_secs_f64();
     for _ in 0..3 {
         for climb_m in [CLIMB_M, 0.0] {
             test.step_to(Ned::new(0.0, 0.0, -HEIGHT_M - climb_m))?;
         }
     }
-    test.recording.steps_up = test.recording.steps_aside.end..test.now.as_secs_f64();
+    test.recording.steps_up = test.recording.steps_sideways.end..test.now.as_secs_f64();
     test.land()?;
     Ok(test.recording)
 }
@@ -112,8 +112,7 @@ struct Test {
 
 impl Test {
     fn new(scenario: &Scenario, gains: Gains, seed: u64) -> Self {
-        let mut plan = scenario.plan.clone();
-        plan.gains = gains;
+        let plan = scenario.plan.clone().with_gains(gains);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut controllers = Controllers::default();
         controllers.extend(scenario, &mut rng.clone(), &mut rng);
@@ -184,8 +183,8 @@ impl Test {
             match self.link.poll_output() {
                 Output::Transmit(Transmit::Rc(rc)) => {
                     if let Some(rc) = rc {
-                        let demand = demand(self.now, rc.sticks());
-                        self.recording.demands.push(demand);
+                        let commanded = commanded(self.now, rc.sticks());
+                        self.recording.commands.push(commanded);
                     }
                     self.controllers.set_rc(self.now, DRONE, rc);
                 }
@@ -282,9 +281,9 @@ impl Test {
     }
 }
 
-fn demand(now: Timestamp, sticks: Sticks) -> Demand {
+fn commanded(now: Timestamp, sticks: Sticks) -> Commanded {
     let deflection = |it: Channel| (f64::from(it.us()) - 1_500.0) / 500.0;
-    Demand {
+    Commanded {
         at_s: now.as_secs_f64(),
         tilt_rad: [sticks.pitch, sticks.roll]
             .map(|it| StickResponse::ASSUMED.tilt_rad(deflection(it))),

@@ -16,8 +16,7 @@ const SLOWER_MAX: f64 = 0.4;
 /// Highest throttle at which an aircraft may hover: above it too little is left to climb and to lean.
 pub(super) const HOVER_THROTTLE_MAX: f64 = 0.65;
 
-/// Gains of an aircraft with this response. The loops keep the shape and so the phase margins of [`Gains::QUADCOPTER`]: they
-/// are slower as much as the aircraft lags more. Limits are the scenario's own.
+/// Scales [`Gains::QUADCOPTER`] to the measured lag; phase margins stay the same. Limits are the scenario's.
 pub(super) fn gains(own: Gains, response: &Response) -> Result<Gains, TuneError> {
     if response.hover_throttle > HOVER_THROTTLE_MAX {
         return Err(TuneError::Weak(response.hover_throttle));

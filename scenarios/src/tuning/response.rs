@@ -3,7 +3,7 @@
 use muster_controller::GRAVITY_MPS2;
 
 use super::TuneError;
-use super::flight::{Demand, Recording};
+use super::flight::{Commanded, Recording};
 use super::signal::{Equations, Fit, Signal};
 
 /// Largest delay that is tried, in steps of 10 ms.
@@ -51,16 +51,16 @@ impl Response {
 
 /// The mean throttle of a hover, with the share of it that leaning takes.
 fn hover_throttle(recording: &Recording) -> Option<f64> {
-    let within = |it: &&Demand| recording.hovers.contains(&it.at_s);
-    let hovers: Vec<f64> = recording.demands.iter().filter(within).map(lift).collect();
+    let within = |it: &&Commanded| recording.hovers.contains(&it.at_s);
+    let hovers: Vec<f64> = recording.commands.iter().filter(within).map(lift).collect();
     let count = hovers.len() as f64;
     (count > 0.0).then(|| (hovers.iter().sum::<f64>() / count).sqrt())
 }
 
 /// What the square of a throttle lifts with, at the tilt that is asked for with it.
-fn lift(demand: &Demand) -> f64 {
-    let [ahead, right] = demand.tilt_rad;
-    demand.throttle * demand.throttle * ahead.cos() * right.cos()
+fn lift(commanded: &Commanded) -> f64 {
+    let [ahead, right] = commanded.tilt_rad;
+    commanded.throttle * commanded.throttle * ahead.cos() * right.cos()
 }
 
 /// Delay and lag between the tilts that were asked for and those that were told, in seconds.
@@ -82,7 +82,7 @@ fn attitude_lag(recording: &Recording) -> (f64, f64) {
 
 /// The tilts that were asked for about an axis.
 fn tilt(recording: &Recording, axis: usize) -> Signal {
-    let points = recording.demands.iter();
+    let points = recording.commands.iter();
     let points = points.map(|it| (it.at_s, it.tilt_rad[axis]));
     Signal::held(points, &(0.0..recording.steps_up.end))
 }
@@ -90,7 +90,7 @@ fn tilt(recording: &Recording, axis: usize) -> Signal {
 /// What remains of the told tilts without these and a constant, summed over squares.
 fn tilt_error(recording: &Recording, expected: &[Signal; 2]) -> f64 {
     let told = recording.attitudes.iter();
-    let told = told.filter(|it| recording.steps_aside.contains(&it.at_s));
+    let told = told.filter(|it| recording.steps_sideways.contains(&it.at_s));
     let each = [0, 1].map(|axis| {
         let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
         for attitude in told.clone() {
@@ -114,14 +114,14 @@ fn drag(recording: &Recording, delay_s: f64, lag_s: f64) -> Option<Fit> {
     let axes = [ahead.plus(right, cos, -sin), ahead.plus(right, sin, cos)];
     let mut equations = Equations::default();
     for (places, acceleration) in recording.places.iter().zip(&axes) {
-        equations.add(places, acceleration, &recording.steps_aside);
+        equations.add(places, acceleration, &recording.steps_sideways);
     }
     equations.solve()
 }
 
 /// The vertical acceleration against what the throttle asked for, and the lag in seconds that fits best.
 fn thrust(recording: &Recording, hover_throttle: f64) -> Option<(Fit, f64)> {
-    let points = recording.demands.iter().map(|it| {
+    let points = recording.commands.iter().map(|it| {
         let share = lift(it) / (hover_throttle * hover_throttle);
         (it.at_s, GRAVITY_MPS2 * (share - 1.0))
     });

@@ -209,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn flight_that_never_accelerates_tells_nothing() {
+    fn flight_without_acceleration_gives_no_response() {
         let places: Vec<_> = (0..100).map(|step| (f64::from(step) / 10.0, 0.0)).collect();
         let still = Signal::held(std::iter::empty(), &(0.0..10.0));
         let mut equations = Equations::default();

@@ -377,7 +377,7 @@ impl World {
         self.scene.core.checkers.report(found);
         self.scene.core.recorder(drone).mission(now, drone, event);
         self.trigger(drone, event);
-        if let mission::Event::Obeys(ballot) = event
+        if let mission::Event::Follows(ballot) = event
             && ballot.is_elected()
         {
             self.scene.check_elections();
@@ -396,7 +396,7 @@ impl World {
                 Trigger::Waypoint(waypoint)
             }
             mission::Event::Landing(_) => Trigger::Landing,
-            mission::Event::Obeys(ballot) if ballot.is_elected() && ballot.master == drone => {
+            mission::Event::Follows(ballot) if ballot.is_elected() && ballot.master == drone => {
                 Trigger::Elected
             }
             _ => return,

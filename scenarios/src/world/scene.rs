@@ -80,7 +80,7 @@ impl Scene {
         Some(Task::new(drone, address, what))
     }
 
-    /// Handles an event: the task that follows at once, if any. Messages that the event yields wait in the inbox.
+    /// Handles an event. Returns the task that must run at once, if any. Messages go to the inbox.
     pub(super) fn handle(&mut self, event: Event) -> Option<Task> {
         let core = &mut self.core;
         match event {

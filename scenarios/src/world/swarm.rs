@@ -80,7 +80,7 @@ impl Swarm {
         let renumber = |id: &mut NodeId| *id = self.number(*id);
         match &mut seen {
             Observation::Mission(event) => match event {
-                mission::Event::Obeys(ballot) => renumber(&mut ballot.master),
+                mission::Event::Follows(ballot) => renumber(&mut ballot.master),
                 mission::Event::LeftOut(id) => renumber(id),
                 mission::Event::State(_)
                 | mission::Event::Opened { .. }

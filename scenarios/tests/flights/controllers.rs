@@ -126,7 +126,7 @@ fn a_sagging_battery_brings_its_drone_down() {
 }
 
 #[test]
-fn a_drone_whose_aircraft_does_not_do_what_it_is_told_lands_and_the_others_finish() {
+fn drone_whose_aircraft_ignores_commands_lands_and_the_others_finish() {
     for (fault, why) in [
         (
             r#"kind = "weaken-motor", share = 0.4"#,

@@ -101,7 +101,7 @@ fn trace_depends_on_the_seed_only_through_random_draws() {
     // A single drone draws only its own phase. Before the take-off order nothing is drawn.
     let nothing_drawn = |seed: &str| {
         let mut scenario = scenario("thesis-1.toml", &[seed, "formation.drones=1"]);
-        scenario.plan.limits.duration = Duration::from_nanos(1);
+        scenario.plan = scenario.plan.with_duration(Duration::from_nanos(1));
         fly(&scenario, Engine::Events).trace
     };
     assert_eq!(nothing_drawn("seed=1"), nothing_drawn("seed=2"));

@@ -23,7 +23,7 @@ const EQUAL_M: f64 = 0.01;
 /// its mission.
 fn flown(scenario: &Scenario, gains: Gains, fits: impl Fn(State) -> bool) -> Option<Vec<[f64; 3]>> {
     let mut scenario = scenario.clone();
-    scenario.plan.gains = gains;
+    scenario.plan = scenario.plan.with_gains(gains);
     let (report, flight) = run(&scenario, Engine::Events, None).unwrap();
     assert_eq!(report.violations, []);
     if !report.mission_completed {
@@ -128,7 +128,7 @@ fn aircraft_too_heavy_for_the_default_gains_flies_with_tuned_ones() {
 }
 
 #[test]
-fn hover_test_with_gps_tells_the_response_too() {
+fn hover_test_with_gps_measures_the_response_too() {
     let tuned = tune(&scenario("flight-controllers.toml", &[])).unwrap();
     println!("{:?}\n{:?}", tuned.response, tuned.gains);
     assert!((tuned.gains.hover_throttle - 0.3).abs() < 0.03);

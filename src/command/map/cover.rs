@@ -13,7 +13,7 @@ use muster_runtime::text::{figure, plural};
 use super::{path, place};
 use crate::command::{Failure, Outcome, terminal};
 
-/// Way that takes as long as looking round once, in metres: 7 s at half a metre a second.
+/// Distance that takes as long as looking round once, in metres: 7 s at half a metre a second.
 const TURN_M: f64 = 3.5;
 /// Most drones.
 const DRONES_MAX: usize = 20;
@@ -75,8 +75,8 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         let help = error.accepted();
         BadInput::without_excerpt(&arguments.map, error, help)
     })?;
-    let ways: Vec<Vec<MapXy>> = tours.iter().map(|tour| flown(&floor, tour)).collect();
-    let page = page::cover(&name, floor.map(), &tours, &ways, &places);
+    let paths: Vec<Vec<MapXy>> = tours.iter().map(|tour| flown(&floor, tour)).collect();
+    let page = page::cover(&name, floor.map(), &tours, &paths, &places);
     let written = place::write(arguments.out.as_deref(), &name, "cover", &page)?;
     let (visible, all) = (places.visible().len(), places.targets().len());
     let mut text = format!(
@@ -97,14 +97,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     Ok(Outcome::Success)
 }
 
-/// The way of a tour.
+/// The path of a tour.
 fn flown(floor: &Floor, tour: &Tour) -> Vec<MapXy> {
     let places: Vec<MapXy> = std::iter::once(tour.start)
         .chain(tour.stops.iter().copied())
         .collect();
     let legs = places
         .windows(2)
-        .map(|pair| floor.way(pair[0], pair[1]).unwrap_or_default());
+        .map(|pair| floor.path(pair[0], pair[1]).unwrap_or_default());
     legs.flatten().collect()
 }
 

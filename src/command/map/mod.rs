@@ -1,4 +1,4 @@
-//! Maps of buildings: where a drone is on them, ways over them, and patrols.
+//! Maps of buildings: where a drone is on them, paths over them, and patrols.
 
 mod check;
 mod compare;
@@ -12,7 +12,7 @@ use clap::{Args, Subcommand};
 
 use super::{Failure, Outcome};
 
-/// Check maps of buildings, find drones and ways on them, and patrol them.
+/// Check maps of buildings, find drones and paths on them, and patrol them.
 ///
 /// A map is a file as ROS's map_server has it: YAML with a PGM or PNG image. Its field `plan` draws a floor as text instead. A
 /// single word without a dot is the name of a shipped flat.

@@ -11,18 +11,18 @@ use muster_runtime::text::{figure, plural};
 use super::place;
 use crate::command::{Failure, Outcome, terminal};
 
-/// Find the way between two places of a map, and draw it.
+/// Find the path between two places of a map, and draw it.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster map path flat 1,3.9 9,7
-  muster map path flat 1,3.9 9,7 --radius 0.3 --out runs/way.html
+  muster map path flat 1,3.9 9,7 --radius 0.3 --out runs/path.html
 
-Exit code 2 if there is no way.")]
+Exit code 2 if there is no path.")]
 pub(super) struct Arguments {
     /// A map's YAML file, a flat's TOML file, or the name of a shipped flat.
     #[arg(value_name = "MAP")]
     map: PathBuf,
-    /// Where the way begins, in metres of the map's frame.
+    /// Where the path begins, in metres of the map's frame.
     #[arg(value_name = "X,Y", value_parser = place::place, allow_hyphen_values = true)]
     from: MapXy,
     /// Where it ends.
@@ -53,20 +53,20 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             return Err(BadInput::without_excerpt(&arguments.map, message, help).into());
         }
     }
-    let Some(way) = floor.way(arguments.from, arguments.to) else {
+    let Some(path) = floor.path(arguments.from, arguments.to) else {
         let message = format!(
-            "there is no way from {:?} to {:?}",
+            "there is no path from {:?} to {:?}",
             arguments.from, arguments.to
         );
         let help = "a smaller --radius fits through narrower doors";
         return Err(BadInput::without_excerpt(&arguments.map, message, help).into());
     };
-    let length_m: f64 = way.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
-    let page = page::path(&name, floor.map(), arguments.radius, &way);
+    let length_m: f64 = path.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
+    let page = page::path(&name, floor.map(), arguments.radius, &path);
     let written = place::write(arguments.out.as_deref(), &name, "path", &page)?;
-    let legs = plural(way.len().saturating_sub(1), "straight leg");
+    let legs = plural(path.len().saturating_sub(1), "straight leg");
     let mut text = format!(" {} m in {legs}\n", figure(length_m, 1));
-    for corner in &way {
+    for corner in &path {
         text.push_str(&format!("   {:.2}, {:.2}\n", corner.x_m, corner.y_m));
     }
     text.push_str(&format!("\n wrote {}\n", written.display()));

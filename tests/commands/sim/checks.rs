@@ -8,7 +8,7 @@ use serde_json::Value;
 use super::{ROOT, json_report, muster, scenario};
 
 #[test]
-fn check_says_the_verdict_first_and_the_rest_on_request() {
+fn check_prints_the_verdict_first_and_the_rest_on_request() {
     let files = [
         "thesis-1.toml",
         "thesis-2.toml",
@@ -48,7 +48,7 @@ fn check_says_the_verdict_first_and_the_rest_on_request() {
 }
 
 #[test]
-fn swarm_that_is_not_connected_is_told_and_its_mission_is_not_completed() {
+fn swarm_that_is_not_connected_is_reported_and_does_not_complete_its_mission() {
     let folder = tempfile::tempdir().unwrap();
     let apart = folder.path().join("apart.toml");
     let thesis = fs::read_to_string(scenario("thesis-1.toml")).unwrap();

@@ -98,7 +98,7 @@ fn an_obstacle_nearer_than_the_radius_blocks_its_half_circle() {
 }
 
 #[test]
-fn surrounded_drones_have_no_way() {
+fn surrounded_drones_have_no_direction_to_fly() {
     let walls = [
         (0.5, 0.5),
         (-0.5, 0.5),

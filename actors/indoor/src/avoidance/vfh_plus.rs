@@ -123,8 +123,10 @@ impl VfhPlus {
             let (x, y) = (f64::from(cell.towards.0), f64::from(cell.towards.1));
             let (ahead, left) = (cos * x + sin * y, cos * y - sin * x);
             let distance_m = f64::from(cell.distance_m);
-            let (ahead_m, aside_m) = (ahead * distance_m, left.abs() * distance_m - turn_m);
-            if certainty >= OBSTACLE && ahead_m * ahead_m + aside_m * aside_m < clear_m * clear_m {
+            let (ahead_m, lateral_m) = (ahead * distance_m, left.abs() * distance_m - turn_m);
+            if certainty >= OBSTACLE
+                && ahead_m * ahead_m + lateral_m * lateral_m < clear_m * clear_m
+            {
                 let turn = &mut turns[usize::from(left < 0.0)];
                 *turn = turn.max(ahead);
             }

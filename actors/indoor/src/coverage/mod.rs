@@ -73,13 +73,13 @@ pub struct Tour {
     pub start: MapXy,
     /// Where it turns once round.
     pub stops: Vec<MapXy>,
-    /// Length of the ways between them, in metres.
+    /// Length of the paths between them, in metres.
     pub length_m: f64,
 }
 
 /// Tours that together see all that the first drone's start lets see.
 ///
-/// `turn_m` is the way in metres that takes as long as to look round once. The stops are those of a greedy set cover, the
+/// `turn_m` is the distance in metres that takes as long as to look round once. The stops are those of a greedy set cover, the
 /// order is by nearest neighbour and 2-opt. Several drones get consecutive parts of it, cut so that the longest part is as
 /// short as possible; `starts` has one place for each drone. The same input gives the same tours.
 ///

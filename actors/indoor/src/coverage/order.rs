@@ -9,7 +9,7 @@ const ROUNDS_MAX: usize = 200;
 /// Shortening that is worth a round, in metres.
 const WORTH_M: f64 = 1e-6;
 
-/// Lengths of the ways between stops, and from each start to each stop, in metres.
+/// Lengths of the paths between stops, and from each start to each stop, in metres.
 pub(super) struct Distances {
     /// By drone, then stop.
     from_starts: Vec<Vec<f64>>,
@@ -115,7 +115,7 @@ impl Distances {
     }
 }
 
-/// Length of the shortest way from a point to each of others, in metres; infinite if there is none.
+/// Length of the shortest path from a point to each of others, in metres; infinite if there is none.
 ///
 /// Dijkstra's algorithm with a bucket for each length (R. Dial, algorithm 360, 1969).
 fn lengths_m(floor: &Floor, from: MapXy, to: &[MapXy]) -> Vec<f64> {

@@ -14,8 +14,8 @@ pub enum PlanError {
     /// A drone can't start there: it is off the map, or too close to a wall.
     #[error("a drone can't be at {0:?}: it is off the map, or too close to a wall")]
     Start(MapXy),
-    /// The starts lie in parts of the map between which there is no way.
-    #[error("there is no way from {0:?} to {1:?}")]
+    /// The starts lie in parts of the map between which there is no path.
+    #[error("there is no path from {0:?} to {1:?}")]
     Apart(MapXy, MapXy),
     /// No start was given.
     #[error("there is no drone")]
@@ -38,7 +38,7 @@ impl PlanError {
     pub const fn accepted(&self) -> &'static str {
         match self {
             Self::Start(_) | Self::Apart(..) | Self::NoDrone => {
-                "starts on the map that are clear of walls, with ways between them"
+                "starts on the map that are clear of walls, with paths between them"
             }
             Self::TooLarge { .. } => {
                 "a part of the map, or cells of the size that they have in fact"

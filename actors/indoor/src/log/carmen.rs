@@ -5,7 +5,7 @@
 
 use std::f64::consts::PI;
 
-use super::words::Words;
+use super::tokens::Tokens;
 use super::{BEAMS_MAX, RANGE_MAX_M, STEPS_MAX, Scan, Step};
 use crate::frames::{MapPose, Motion, OdometryPose};
 use crate::refusal::Refusal;
@@ -22,7 +22,7 @@ pub(super) fn parse(text: &str) -> Result<Vec<Step>, Refusal> {
     let mut before: Option<OdometryPose> = None;
     let mut truth = None;
     for line in text.lines() {
-        let mut words = Words::new(text, line);
+        let mut words = Tokens::new(text, line);
         let (scan, odometry) = match words.next() {
             Some("FLASER") => front_laser(&mut words)?,
             Some("ROBOTLASER1") => robot_laser(&mut words)?,
@@ -59,7 +59,7 @@ fn is_message(name: &str) -> bool {
 }
 
 /// Number of readings, readings, the laser's pose, the odometry's pose, and times, which are not read.
-fn front_laser(words: &mut Words<'_>) -> Result<(Scan, OdometryPose), Refusal> {
+fn front_laser(words: &mut Tokens<'_>) -> Result<(Scan, OdometryPose), Refusal> {
     let ranges_m = ranges(words)?;
     pose(words, "the laser's pose")?;
     let (x_m, y_m, heading_rad) = pose(words, "the odometry's pose")?;
@@ -76,7 +76,7 @@ fn front_laser(words: &mut Words<'_>) -> Result<(Scan, OdometryPose), Refusal> {
 
 /// The laser's type, first direction, view, resolution, range and accuracy, the remission's mode, ranges, remissions, the
 /// laser's pose, the robot's pose, and more that is not read.
-fn robot_laser(words: &mut Words<'_>) -> Result<(Scan, OdometryPose), Refusal> {
+fn robot_laser(words: &mut Tokens<'_>) -> Result<(Scan, OdometryPose), Refusal> {
     words.number("the laser's type", (0.0, 1e3))?;
     let first_rad = words.number("the first direction in radians", ANGLE_MAX)?;
     words.number("the field of view in radians", ANGLE_MAX)?;
@@ -101,7 +101,7 @@ fn robot_laser(words: &mut Words<'_>) -> Result<(Scan, OdometryPose), Refusal> {
     Ok((scan, OdometryPose::new(x_m, y_m, heading_rad)))
 }
 
-fn ranges(words: &mut Words<'_>) -> Result<Vec<Option<f32>>, Refusal> {
+fn ranges(words: &mut Tokens<'_>) -> Result<Vec<Option<f32>>, Refusal> {
     let beams = words.count("the number of beams", (2, BEAMS_MAX))?;
     let range = |_| {
         Ok(Some(
@@ -111,7 +111,7 @@ fn ranges(words: &mut Words<'_>) -> Result<Vec<Option<f32>>, Refusal> {
     (0..beams).map(range).collect()
 }
 
-fn pose(words: &mut Words<'_>, what: &str) -> Result<(f64, f64, f64), Refusal> {
+fn pose(words: &mut Tokens<'_>, what: &str) -> Result<(f64, f64, f64), Refusal> {
     Ok((
         words.number(&format!("{what}, x in metres"), PLACE_MAX)?,
         words.number(&format!("{what}, y in metres"), PLACE_MAX)?,

@@ -2,7 +2,7 @@
 //! forward, metres left, radians), field of view (radians), the number of beams, and as many ranges from right to left, `-`
 //! or -1 where nothing came back.
 
-use super::words::Words;
+use super::tokens::Tokens;
 use super::{BEAMS_MAX, MOTION_MAX, RANGE_MAX_M, STEPS_MAX, Scan, Step};
 use crate::frames::Motion;
 use crate::refusal::Refusal;
@@ -10,7 +10,7 @@ use crate::refusal::Refusal;
 pub(super) fn parse(text: &str) -> Result<Vec<Step>, Refusal> {
     let mut steps = Vec::new();
     for line in text.lines().filter(|line| !line.trim().is_empty()) {
-        let mut words = Words::new(text, line);
+        let mut words = Tokens::new(text, line);
         if steps.len() == STEPS_MAX {
             let message = format!("the log has more than {STEPS_MAX} scans");
             return Err(words.refuse(line, &message, "cut it into several"));

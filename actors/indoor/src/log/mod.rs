@@ -4,7 +4,7 @@ mod carmen;
 mod malaga;
 #[cfg(test)]
 mod tests;
-mod words;
+mod tokens;
 
 use std::time::Duration;
 

@@ -1,4 +1,4 @@
-//! Ways over a map: which cells a drone can be in, the cheapest way between two of them, and that way as few straight legs.
+//! Paths over a map: which cells a drone can be in, the cheapest path between two of them, and that path as few straight legs.
 
 mod floor;
 mod search;

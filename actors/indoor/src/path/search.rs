@@ -22,18 +22,18 @@ const NEIGHBOURS: [(i64, i64, u32); 8] = [
     (1, -1, DIAGONAL),
 ];
 
-/// A search for the cheapest way between two cells of a floor. Memory: 5 bytes a cell of the map.
+/// A search for the cheapest path between two cells of a floor. Memory: 5 bytes a cell of the map.
 #[derive(Debug, Clone)]
 pub struct Search {
     start: Cell,
     goal: Cell,
-    /// Where the way begins and ends, in these cells.
+    /// Where the path begins and ends, in these cells.
     ends: (MapXy, MapXy),
     columns: i64,
     rows: i64,
-    /// Cells to expand, by the least cost of a way through them; index of the cell in the low half.
+    /// Cells to expand, by the least cost of a path through them; index of the cell in the low half.
     open: BinaryHeap<Reverse<u64>>,
-    /// Least cost found of a way to each cell, plus 1; 0 if there is none yet.
+    /// Least cost found of a path to each cell, plus 1; 0 if there is none yet.
     reached: Vec<u32>,
     /// The neighbour that each cell was reached by: its place in [`NEIGHBOURS`].
     by: Vec<u8>,
@@ -44,14 +44,14 @@ pub struct Search {
 pub enum Found {
     /// The search needs more work.
     NotYet,
-    /// There is no way.
+    /// There is no path.
     Nothing,
-    /// The way, as corners of straight legs: the first is the start, the last the goal.
-    Way(Vec<MapXy>),
+    /// The path, as corners of straight legs: the first is the start, the last the goal.
+    Path(Vec<MapXy>),
 }
 
 impl Search {
-    /// A search from the centre of one cell to that of another of a floor. Either may be a cell where the drone can't be; then there is no way.
+    /// A search from the centre of one cell to that of another of a floor. Either may be a cell where the drone can't be; then there is no path.
     #[must_use]
     pub fn new(floor: &Floor, start: Cell, goal: Cell) -> Self {
         let map = floor.map();
@@ -88,7 +88,7 @@ impl Search {
             };
             let at = (entry & u64::from(u32::MAX)) as usize;
             if at == goal {
-                return Found::Way(super::straight::legs(floor, &self.way(floor)));
+                return Found::Path(super::straight::legs(floor, &self.path(floor)));
             }
             let cell = floor.cell(at);
             let (column, row) = (cell.column as i64, cell.row as i64);
@@ -129,8 +129,8 @@ impl Search {
         STRAIGHT * (more - less) + DIAGONAL * less
     }
 
-    /// The way that was found: its ends, and the centres of the cells between.
-    fn way(&self, floor: &Floor) -> Vec<MapXy> {
+    /// The path that was found: its ends, and the centres of the cells between.
+    fn path(&self, floor: &Floor) -> Vec<MapXy> {
         let (from, to) = self.ends;
         let mut points = vec![to];
         let mut at = self.index(self.goal);
@@ -149,15 +149,15 @@ impl Search {
 }
 
 impl Floor {
-    /// The cheapest way between two points, as corners of straight legs; `None` if there is none. For work outside of a
+    /// The cheapest path between two points, as corners of straight legs; `None` if there is none. For work outside of a
     /// drone's steps: over a large floor it takes milliseconds.
     #[must_use]
-    pub fn way(&self, from: MapXy, to: MapXy) -> Option<Vec<MapXy>> {
+    pub fn path(&self, from: MapXy, to: MapXy) -> Option<Vec<MapXy>> {
         let (start, goal) = (self.map().cell(from)?, self.map().cell(to)?);
         let mut search = Search::new(self, start, goal);
         search.ends = (from, to);
         match search.advance(self, usize::MAX) {
-            Found::Way(corners) => Some(corners),
+            Found::Path(corners) => Some(corners),
             Found::NotYet | Found::Nothing => None,
         }
     }

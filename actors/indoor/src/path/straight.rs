@@ -1,4 +1,4 @@
-//! Straight legs instead of cells: corners of a way are left out as long as that costs hardly more (string pulling).
+//! Straight legs instead of cells: corners of a path are left out as long as that costs hardly more (string pulling).
 
 use super::STRAIGHT;
 use super::floor::Floor;
@@ -9,9 +9,9 @@ const PER_CELL: f64 = 2.0;
 /// Share by which a straight leg may cost more than the cells that it replaces: these can turn by 45° only.
 const DEARER: f64 = 1.05;
 
-/// The corners of the legs that replace a way from cell to cell, with the same ends.
+/// The corners of the legs that replace a path from cell to cell, with the same ends.
 ///
-/// Corners are left out from the front, each time the most by doubling and halving: a way of n cells takes about n · log n.
+/// Corners are left out from the front, each time the most by doubling and halving: a path of n cells takes about n · log n.
 pub(super) fn legs(floor: &Floor, points: &[MapXy]) -> Vec<MapXy> {
     let mut spent = vec![0.0];
     for pair in points.windows(2) {

@@ -26,50 +26,52 @@ fn map(plan: &str) -> Arc<Map> {
     Arc::new(Map::from_text(&wide.join("\n"), 0.05).unwrap())
 }
 
-fn length_m(way: &[MapXy]) -> f64 {
-    way.windows(2).map(|pair| pair[0].distance_m(pair[1])).sum()
+fn length_m(path: &[MapXy]) -> f64 {
+    path.windows(2)
+        .map(|pair| pair[0].distance_m(pair[1]))
+        .sum()
 }
 
 #[test]
-fn the_way_leads_through_the_middle_of_the_door() {
+fn path_leads_through_the_middle_of_the_door() {
     let floor = Floor::new(map(ROOMS), 0.1);
-    let way = floor
-        .way(MapXy::new(0.6, 0.6), MapXy::new(4.5, 1.6))
+    let path = floor
+        .path(MapXy::new(0.6, 0.6), MapXy::new(4.5, 1.6))
         .unwrap();
     let door = MapXy::new(2.625, 0.875);
-    let crosses = way
+    let crosses = path
         .windows(2)
         .find(|leg| leg[0].x_m < door.x_m && leg[1].x_m >= door.x_m);
-    let leg = crosses.expect("the way passes the door");
+    let leg = crosses.expect("the path passes the door");
     let share = (door.x_m - leg[0].x_m) / (leg[1].x_m - leg[0].x_m);
     let y_m = leg[0].y_m + share * (leg[1].y_m - leg[0].y_m);
     assert!((y_m - door.y_m).abs() < 0.06, "{y_m}");
-    assert!(way.len() <= 7, "{way:?}");
-    assert!(length_m(&way) < 4.5, "{}", length_m(&way));
+    assert!(path.len() <= 7, "{path:?}");
+    assert!(length_m(&path) < 4.5, "{}", length_m(&path));
 }
 
 #[test]
-fn a_door_that_is_too_narrow_is_no_way() {
+fn door_that_is_too_narrow_has_no_path() {
     let (from, to) = (MapXy::new(0.6, 0.6), MapXy::new(4.5, 1.6));
-    assert_eq!(Floor::new(map(ROOMS), 0.2).way(from, to), None);
+    assert_eq!(Floor::new(map(ROOMS), 0.2).path(from, to), None);
     assert_eq!(
-        Floor::new(map(ROOMS), 0.1).way(from, MapXy::new(9.0, 9.0)),
+        Floor::new(map(ROOMS), 0.1).path(from, MapXy::new(9.0, 9.0)),
         None
     );
 }
 
 #[test]
-fn an_obstacle_in_the_only_door_leaves_no_way() {
+fn obstacle_in_the_only_door_leaves_no_path() {
     let floor = Floor::new(map(ROOMS), 0.1);
     let (from, to) = (MapXy::new(0.6, 0.6), MapXy::new(4.5, 1.6));
     let mut obstacles = Obstacles::default();
     obstacles.add(MapXy::new(2.6, 0.9), 0.3);
-    assert_eq!(floor.without(&obstacles).way(from, to), None);
-    assert!(floor.way(from, to).is_some());
+    assert_eq!(floor.without(&obstacles).path(from, to), None);
+    assert!(floor.path(from, to).is_some());
 }
 
 #[test]
-fn a_paused_search_finds_the_same_way() {
+fn paused_search_finds_the_same_path() {
     let floor = Floor::new(map(ROOMS), 0.1);
     let (from, to) = (MapXy::new(0.6, 0.6), MapXy::new(4.5, 1.6));
     let cell = |point| floor.map().cell(point).unwrap();
@@ -83,7 +85,7 @@ fn a_paused_search_finds_the_same_way() {
         }
     };
     assert!(pauses > 10, "{pauses}");
-    assert_eq!(found, Found::Way(floor.way(from, to).unwrap()));
+    assert_eq!(found, Found::Path(floor.path(from, to).unwrap()));
 }
 
 #[test]
@@ -97,8 +99,8 @@ fn straight_legs_are_as_short_as_the_room_allows() {
 ##########";
     let floor = Floor::new(map(empty), 0.05);
     let (from, to) = (MapXy::new(0.7, 0.7), MapXy::new(1.9, 0.8));
-    let way = floor.way(from, to).unwrap();
-    assert!(length_m(&way) < 1.02 * from.distance_m(to), "{way:?}");
+    let path = floor.path(from, to).unwrap();
+    assert!(length_m(&path) < 1.02 * from.distance_m(to), "{path:?}");
 }
 
 #[test]
@@ -112,12 +114,12 @@ fn obstacles_are_bounded_and_the_oldest_goes() {
 }
 
 #[test]
-fn a_way_begins_and_ends_where_it_was_asked_to() {
+fn path_begins_and_ends_at_the_given_places() {
     let floor = Floor::new(map(ROOMS), 0.1);
     let (from, to) = (MapXy::new(0.61, 0.63), MapXy::new(4.52, 1.58));
-    let way = floor.way(from, to).unwrap();
-    assert_eq!((way[0], way[way.len() - 1]), (from, to));
+    let path = floor.path(from, to).unwrap();
+    assert_eq!((path[0], path[path.len() - 1]), (from, to));
     let beside = MapXy::new(0.62, 0.62);
-    assert_eq!(floor.way(from, beside), Some(vec![from, beside]));
-    assert_eq!(floor.way(from, from), Some(vec![from]));
+    assert_eq!(floor.path(from, beside), Some(vec![from, beside]));
+    assert_eq!(floor.path(from, from), Some(vec![from]));
 }

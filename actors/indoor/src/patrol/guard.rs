@@ -21,7 +21,7 @@ pub(super) struct Watch {
 
 impl Watch {
     /// Angle between a direction of the body frame and the cone; 0 inside.
-    fn aside_rad(&self, direction_rad: f64) -> f64 {
+    fn side_angle_rad(&self, direction_rad: f64) -> f64 {
         let from_axis = wrapped_rad(direction_rad - self.mounting.bearing_rad).abs();
         (from_axis - self.mounting.aperture_rad / 2.0).max(0.0)
     }
@@ -31,7 +31,7 @@ impl Watch {
 pub(super) fn is_watched(watches: &[Watch], direction_rad: f64) -> bool {
     watches
         .iter()
-        .any(|watch| watch.aside_rad(direction_rad) <= 0.0)
+        .any(|watch| watch.side_angle_rad(direction_rad) <= 0.0)
 }
 
 /// The velocity, slowed so that the drone can stop [`STOP_M`] before everything that a sonar hears, and zero in directions that
@@ -52,7 +52,7 @@ pub(super) fn guarded(wanted: Velocity, watches: &[Watch], braking_mps2: f64) ->
             continue;
         };
         // The echo may come from anywhere in the cone: from where the drone gets closer fastest.
-        let closing = libm::cos(watch.aside_rad(direction_rad));
+        let closing = libm::cos(watch.side_angle_rad(direction_rad));
         if closing > 0.0 {
             allowed_mps = allowed_mps.min(closing_mps(range_m - STOP_M, braking_mps2) / closing);
         }

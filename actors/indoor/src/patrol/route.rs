@@ -1,4 +1,4 @@
-//! Which stop is next, the way there, and what to do when it is blocked.
+//! Which stop is next, the path there, and what to do when it is blocked.
 
 use std::collections::VecDeque;
 use std::time::Duration;
@@ -15,13 +15,13 @@ use crate::path::{Floor, Found, Obstacles, Search};
 const CELLS_A_STEP: usize = 4_000;
 /// A stop is reached within this distance, in metres.
 const ARRIVED_M: f64 = 0.2;
-/// Distance along the way of the point that is flown to, in metres.
+/// Distance along the path of the point that is flown to, in metres.
 const AHEAD_M: f64 = 0.7;
 /// A drone that gets no nearer to its stop for so long is blocked.
 const BLOCKED_AFTER: Duration = Duration::from_secs(4);
 /// Progress that counts, in metres.
 const PROGRESS_M: f64 = 0.15;
-/// Where the way is taken to be blocked: so far ahead, and so wide, in metres.
+/// Where the path is taken to be blocked: so far ahead, and so wide, in metres.
 const BLOCK_AHEAD_M: f64 = 0.7;
 const BLOCK_RADIUS_M: f64 = 0.4;
 /// Blocked places are tried again after this time.
@@ -29,13 +29,13 @@ const FORGET_AFTER: Duration = Duration::from_secs(8);
 /// Times that a stop is tried before it is given up, and after which others come first: people mostly walk on.
 const TRIES_MAX: u32 = 9;
 const TRIES_BEFORE_OTHERS: u32 = 3;
-/// Time to wait where there is no way at all.
+/// Time to wait where there is no path at all.
 const PATIENCE: Duration = Duration::from_secs(2);
 /// Stops that may be added at the end for what is still unseen.
 const EXTRA_MAX: usize = 40;
-/// Distance from the way at which it is planned anew, in metres.
+/// Distance from the path at which it is planned anew, in metres.
 const ASTRAY_M: f64 = 0.8;
-/// Distance within which a way may begin beside the drone, in metres.
+/// Distance within which a path may begin beside the drone, in metres.
 const BESIDE_M: f64 = 0.6;
 
 /// What the drone is to do next.
@@ -59,7 +59,7 @@ pub(super) enum Order {
 enum Phase {
     /// Between stops.
     Choosing,
-    /// A search for the way; the floor is without the obstacles of its start.
+    /// A search for the path; the floor is without the obstacles of its start.
     Searching(Box<(Floor, Search)>),
     Flying(Vec<MapXy>),
     /// Looking round: what is left to turn, in radians.
@@ -77,7 +77,7 @@ struct Stop {
 #[derive(Debug)]
 pub(super) struct Route {
     stops: VecDeque<Stop>,
-    /// Stops in a row to which there was no way.
+    /// Stops in a row to which there was no path.
     passed_over: usize,
     extra: usize,
     /// What was seen, or tried to be seen from extra stops.
@@ -86,7 +86,7 @@ pub(super) struct Route {
     obstacles: Obstacles,
     /// When the last obstacle was added.
     blocked_at: Timestamp,
-    /// The least distance to the stop, and when it was reached; a drone that is pushed off its way and plans anew has come no nearer.
+    /// The least distance to the stop, and when it was reached; a drone that is pushed off its path and plans anew has come no nearer.
     nearest: (f64, Timestamp),
     heading_rad: f64,
     blocked_now: bool,
@@ -109,7 +109,7 @@ impl Route {
         }
     }
 
-    /// Whether the way turned out to be blocked in the last step.
+    /// Whether the path turned out to be blocked in the last step.
     pub(super) const fn was_blocked(&self) -> bool {
         self.blocked_now
     }
@@ -136,10 +136,10 @@ impl Route {
                 let (floor, search) = &mut **search;
                 match search.advance(floor, CELLS_A_STEP) {
                     Found::NotYet => Order::Wait,
-                    Found::Nothing => self.no_way(now, config, pose, true),
-                    Found::Way(way) => {
+                    Found::Nothing => self.no_path(now, config, pose, true),
+                    Found::Path(path) => {
                         self.passed_over = 0;
-                        self.phase = Phase::Flying(way);
+                        self.phase = Phase::Flying(path);
                         self.fly(now, config, pose, seen)
                     }
                 }
@@ -191,7 +191,7 @@ impl Route {
         self.search(now, config, pose)
     }
 
-    /// The place that shows most of what no stop will show, if it is nearer than the next stop.
+    /// The place that sees most targets that no remaining stop sees. `None` if the next stop is nearer.
     fn left_behind(&mut self, config: &Config, pose: MapPose, seen: &Seen) -> Option<MapXy> {
         self.tried.add(seen);
         let mut planned = self.tried.clone();
@@ -214,7 +214,7 @@ impl Route {
         let start = floor.nearest_free(pose.at, BESIDE_M);
         let goal = floor.nearest_free(stop.at, BESIDE_M);
         let (Some(start), Some(goal)) = (start, goal) else {
-            return self.no_way(now, config, pose, start.is_some());
+            return self.no_path(now, config, pose, start.is_some());
         };
         let search = Search::new(&floor, start, goal);
         self.phase = Phase::Searching(Box::new((floor, search)));
@@ -222,11 +222,11 @@ impl Route {
     }
 
     fn fly(&mut self, now: Timestamp, config: &Config, pose: MapPose, seen: &Seen) -> Order {
-        let (Some(stop), Phase::Flying(way)) = (self.stops.front(), &self.phase) else {
+        let (Some(stop), Phase::Flying(path)) = (self.stops.front(), &self.phase) else {
             return Order::Wait;
         };
-        let (astray_m, at) = along(way, pose.at);
-        let left_m = length_from(way, at);
+        let (astray_m, at) = along(path, pose.at);
+        let left_m = length_from(path, at);
         if left_m < ARRIVED_M && astray_m < ARRIVED_M {
             self.phase = Phase::Looking(config.look_rad());
             return Order::Look;
@@ -242,16 +242,16 @@ impl Route {
         if left_m < self.nearest.0 - PROGRESS_M {
             self.nearest = (left_m, now);
         } else if now.since(self.nearest.1) > BLOCKED_AFTER {
-            let ahead = point_at(way, at, BLOCK_AHEAD_M);
+            let ahead = point_at(path, at, BLOCK_AHEAD_M);
             return self.blocked(now, config, pose, ahead);
         }
         Order::Fly {
-            to: point_at(way, at, AHEAD_M),
+            to: point_at(path, at, AHEAD_M),
             left_m,
         }
     }
 
-    /// The way is blocked ahead: another way is tried, then other stops first.
+    /// The path is blocked ahead: another path is tried, then other stops first.
     fn blocked(&mut self, now: Timestamp, config: &Config, pose: MapPose, ahead: MapXy) -> Order {
         self.blocked_now = true;
         self.obstacles.add(ahead, BLOCK_RADIUS_M);
@@ -263,11 +263,17 @@ impl Route {
         }
     }
 
-    /// There is no way to the present stop: those come first to which there is one, so that who blocks the way can walk on. If
+    /// There is no path to the present stop: those come first to which there is one, so that who blocks the path can walk on. If
     /// there is none to any, or the drone can't leave where it is, it waits.
-    fn no_way(&mut self, now: Timestamp, config: &Config, pose: MapPose, can_leave: bool) -> Order {
+    fn no_path(
+        &mut self,
+        now: Timestamp,
+        config: &Config,
+        pose: MapPose,
+        can_leave: bool,
+    ) -> Order {
         self.phase = Phase::Waiting(now + PATIENCE);
-        // What blocks the way was counted when it was met.
+        // What blocks the path was counted when it was met.
         if self.obstacles.is_empty() {
             return self.tried().map_or(Order::Wait, Order::GiveUp);
         }
@@ -325,10 +331,10 @@ fn adds(config: &Config, pose: MapPose, seen: &Seen) -> usize {
     before - after.missing(places.visible())
 }
 
-/// Distance from a way, and the place on it: leg and metres along that.
-fn along(way: &[MapXy], from: MapXy) -> (f64, (usize, f64)) {
+/// Distance from a path, and the place on it: leg and metres along that.
+fn along(path: &[MapXy], from: MapXy) -> (f64, (usize, f64)) {
     let mut best = (f64::INFINITY, (0, 0.0));
-    for (leg, ends) in way.windows(2).enumerate() {
+    for (leg, ends) in path.windows(2).enumerate() {
         let length_m = ends[0].distance_m(ends[1]);
         let (dx, dy) = (ends[1].x_m - ends[0].x_m, ends[1].y_m - ends[0].y_m);
         let dot = (from.x_m - ends[0].x_m) * dx + (from.y_m - ends[0].y_m) * dy;
@@ -339,8 +345,8 @@ fn along(way: &[MapXy], from: MapXy) -> (f64, (usize, f64)) {
             best = (away_m, (leg, along_m));
         }
     }
-    if way.len() < 2 {
-        best.0 = way.first().map_or(0.0, |only| from.distance_m(*only));
+    if path.len() < 2 {
+        best.0 = path.first().map_or(0.0, |only| from.distance_m(*only));
     }
     best
 }
@@ -349,24 +355,24 @@ fn on_leg(from: MapXy, to: MapXy, along_m: f64) -> MapXy {
     from.towards(from.bearing_rad(to), along_m)
 }
 
-/// Length of a way from a place on it, in metres.
-fn length_from(way: &[MapXy], (leg, along_m): (usize, f64)) -> f64 {
-    let rest = way
+/// Length of a path from a place on it, in metres.
+fn length_from(path: &[MapXy], (leg, along_m): (usize, f64)) -> f64 {
+    let rest = path
         .windows(2)
         .skip(leg)
         .map(|ends| ends[0].distance_m(ends[1]));
     rest.sum::<f64>() - along_m
 }
 
-/// The point `ahead_m` metres along a way from a place on it.
-fn point_at(way: &[MapXy], (leg, along_m): (usize, f64), ahead_m: f64) -> MapXy {
+/// The point `ahead_m` metres along a path from a place on it.
+fn point_at(path: &[MapXy], (leg, along_m): (usize, f64), ahead_m: f64) -> MapXy {
     let mut left_m = along_m + ahead_m;
-    for ends in way.windows(2).skip(leg) {
+    for ends in path.windows(2).skip(leg) {
         let length_m = ends[0].distance_m(ends[1]);
         if left_m <= length_m {
             return on_leg(ends[0], ends[1], left_m);
         }
         left_m -= length_m;
     }
-    way[way.len() - 1]
+    path[path.len() - 1]
 }

@@ -222,7 +222,7 @@ fn without_sonars_nothing_moves() {
 
 /// In the middle of a hall of 13 × 13 m no wall is in range: a deaf sonar can't be told from one before a free way.
 #[test]
-fn silence_alone_is_no_free_way_and_a_drone_that_hears_nothing_lands() {
+fn silence_alone_is_no_open_space_and_a_drone_without_echoes_lands() {
     let config = room((260, 260), MapPose::new(6.5, 6.5, 0.0), 4.0);
     let mut bench = Bench::new(&config);
     while !bench.is_done() && bench.steps < 200 {

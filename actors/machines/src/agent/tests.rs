@@ -314,7 +314,7 @@ fn agent_starts_once_its_drone_is_on_task_and_its_checkpoint_leaves_first() {
 }
 
 #[test]
-fn agent_is_told_positions_arrivals_messages_and_timers() {
+fn agent_gets_positions_arrivals_messages_and_timers() {
     let mut drone = member_on_task();
     assert_eq!(drone.wait(Duration::ZERO).0, [Transmit::Locate]);
     drone.input(Input::Navigation(NavigationNotice::Position {
@@ -341,7 +341,7 @@ fn agent_is_told_positions_arrivals_messages_and_timers() {
 }
 
 #[test]
-fn agent_is_told_of_leaders_and_members() {
+fn agent_gets_leaders_and_members() {
     let mut drone = member_on_task();
     drone.notice(Notice::MasterSilent);
     drone.notice(Notice::MasterReturned);

@@ -62,7 +62,7 @@ impl Mission {
     }
 
     fn start_epoch(&mut self, ballot: Ballot) {
-        self.outbox.event(Event::Obeys(ballot));
+        self.outbox.event(Event::Follows(ballot));
         self.master_silent = None;
         self.master_lands = false;
         let has_own_limit =

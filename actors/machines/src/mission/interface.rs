@@ -118,7 +118,7 @@ pub enum Event {
     /// The drone entered this state.
     State(State),
     /// The drone follows another leader, perhaps itself.
-    Obeys(Ballot),
+    Follows(Ballot),
     /// As master: opened a waypoint.
     Opened {
         /// Number of the waypoint, from 0.

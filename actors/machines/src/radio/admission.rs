@@ -21,7 +21,7 @@ const REPLAY_WINDOW: u64 = 64;
 )]
 pub enum DropReason {
     /// Longer than any frame.
-    #[error("too long")]
+    #[error("frame too long")]
     TooLong,
     /// Ends before its authenticator.
     #[error("too short")]
@@ -54,7 +54,7 @@ pub enum DropReason {
     #[error("over budget")]
     OverBudget,
     /// Not verified: too many failed verifications from this source or in all.
-    #[error("unverified")]
+    #[error("verification limit reached")]
     Unverified,
     /// Not signed by its sender.
     #[error("forged")]

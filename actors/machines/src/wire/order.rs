@@ -297,11 +297,7 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
             apart,
         } => Order::Reform {
             change,
-            step: match step {
-                WireStep::Climb => Step::Climb,
-                WireStep::Cross => Step::Cross,
-                WireStep::Descend => Step::Descend,
-            },
+            step: decode_step(&step),
             wave: 0,
             apart,
         },
@@ -324,6 +320,14 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
             decode_plan((index, count), positions, from_milliseconds(&holds)?)
         }
     })
+}
+
+const fn decode_step(step: &WireStep) -> Step {
+    match step {
+        WireStep::Climb => Step::Climb,
+        WireStep::Cross => Step::Cross,
+        WireStep::Descend => Step::Descend,
+    }
 }
 
 fn decode_plan(

@@ -30,7 +30,7 @@ fn first_host_is_the_canary_by_default() {
 }
 
 #[test]
-fn waves_are_those_of_the_file() {
+fn rollout_waves_match_the_hosts_file() {
     let waves = "[[waves]]\nhosts = [\"tail\"]\nsoak_s = 60\n\
                  [[waves]]\nhosts = [\"b.local\", \"10.0.0.7\"]\nat_once = 1\n";
     let fleet = fleet(NEEDED, waves).unwrap();
@@ -97,7 +97,7 @@ fn fleet_that_cannot_be_deployed_is_refused_with_the_reason() {
                 "{}at_once = 0\n",
                 wave("\"tail\", \"b.local\", \"10.0.0.7\"")
             ),
-            "found 0",
+            "a whole number from 1 to 10000",
         ),
         (
             NEEDED,
@@ -105,7 +105,7 @@ fn fleet_that_cannot_be_deployed_is_refused_with_the_reason() {
                 "{}dropped_per_s_max = -1.0\n",
                 wave("\"tail\", \"b.local\", \"10.0.0.7\"")
             ),
-            "a number from 0",
+            "a number from 0 to 1000000",
         ),
     ];
     for (before, after, why) in table {
@@ -122,18 +122,9 @@ fn gate_has_limits() {
     let given = gate("within_s = 3600\nhold_s = 0").unwrap().gate;
     assert_eq!((given.within_s, given.hold_s), (3_600, 0));
     for (text, why) in [
-        (
-            "within_s = 0",
-            "`within_s` needs a number from 1 to 3600, found 0",
-        ),
-        (
-            "within_s = 3601",
-            "`within_s` needs a number from 1 to 3600",
-        ),
-        (
-            "hold_s = 4294967295",
-            "`hold_s` needs a number from 0 to 3600",
-        ),
+        ("within_s = 0", "a whole number from 1 to 3600"),
+        ("within_s = 3601", "a whole number from 1 to 3600"),
+        ("hold_s = 4294967295", "a whole number from 0 to 3600"),
     ] {
         let refused = gate(text).unwrap_err().rendered();
         assert!(refused.contains(why), "{refused}");

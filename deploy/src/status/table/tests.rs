@@ -126,7 +126,7 @@ fn slow_agent_is_remarked_and_one_that_is_not_slow_is_not() {
 }
 
 #[test]
-fn port_of_a_flight_controller_is_remarked_and_a_closed_or_unfit_one_says_so() {
+fn remarks_name_the_port_of_a_flight_controller_and_whether_it_is_closed_or_unfit() {
     let port = |state, closed_by: Option<&str>| PortStatus {
         state,
         unfit: Vec::new(),
@@ -197,7 +197,8 @@ fn a_weak_computer_is_remarked_on_and_a_healthy_one_is_not() {
         card_wear: Some(0.9),
         ..well
     };
-    let words = "its computer: 80 °C, voltage too low, slowed down, 90 % of the card's life used, 99 MB free";
+    let words =
+        "its computer: 80 °C, voltage too low, slowed down, wear of the card 90 %, 99 MB free";
     assert_eq!(remark(weak).as_deref(), Some(words));
     let before = ComputerStatus {
         had_under_voltage: Some(true),

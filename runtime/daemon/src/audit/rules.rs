@@ -62,7 +62,7 @@ fn ssh(facts: &Facts) -> Vec<Finding> {
         ));
     }
     if !is("permitrootlogin", &["no"]) {
-        let why = "everyone knows the user root; a log of it names nobody";
+        let why = "everyone knows the user root; a log of it doesn't say who";
         let mut found = finding("ssh-no-root", "root can log in", why, undo());
         if facts.operator == "root" {
             "root can log in, and you do: log in as a user with sudo first"

@@ -31,9 +31,9 @@ pub(crate) struct Files {
 pub(crate) enum Origin {
     /// The named files. They must be stored before the drone may fly.
     Named(Files),
-    /// The stored copy of the flight that the drone takes part in.
+    /// The stored copy of the flight that the drone may take part in.
     Stored,
-    /// The named files, although by its journal the drone takes part in a flight: the stored copy is missing or
+    /// The named files, although by its journal the drone may take part in a flight: the stored copy is missing or
     /// damaged.
     Lost,
 }
@@ -93,7 +93,7 @@ struct StoredFiles {
     files: String,
 }
 
-/// Reads the scenario for a drone with this journal: the stored one if the drone takes part in a flight, otherwise the
+/// Reads the scenario for a drone with this journal: the stored one if the drone may take part in a flight, otherwise the
 /// named one.
 pub(super) fn scenario(
     journal: &Path,
@@ -102,8 +102,8 @@ pub(super) fn scenario(
 ) -> Result<(Plan, Origin), BadInput> {
     let read_named = || Files::record(named, read);
     // A journal that can't be read is refused when it is opened.
-    let checkpoints = journal::peek(journal).ok().flatten();
-    if !checkpoints.is_some_and(|it| it.is_flight_ongoing()) {
+    let found = journal::peek(journal);
+    if !found.is_ok_and(|it| it.may_be_in_flight()) {
         return read_named().map(|(scenario, files)| (scenario, Origin::Named(files)));
     }
     match Files::load(journal).and_then(|files| files.scenario().ok()) {
@@ -114,4 +114,43 @@ pub(super) fn scenario(
 
 fn key(path: &Path) -> String {
     path.to_string_lossy().into_owned()
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    #[test]
+    fn damaged_copy_is_never_taken_for_another_scenario() {
+        let folder = tempfile::tempdir().unwrap();
+        let stored = Files {
+            scenario: "flight.toml".to_owned(),
+            texts: [("flight.toml".to_owned(), "seed = 1\n".repeat(40))].into(),
+        };
+        stored.store(folder.path()).unwrap();
+        let path = folder.path().join(FILE_NAME);
+        let intact = fs::read(&path).unwrap();
+        let mut random = ChaCha8Rng::seed_from_u64(22);
+        let mut found = 0;
+        for case in 0..2_000 {
+            let mut bytes = intact.clone();
+            let at = random.random_range(0..bytes.len());
+            match case % 4 {
+                0 => bytes[at] ^= 1 << random.random_range(0..8),
+                1 => bytes.truncate(at),
+                2 => bytes[at..].fill(0),
+                _ => drop(bytes.remove(at)),
+            }
+            fs::write(&path, bytes).unwrap();
+            let loaded = Files::load(folder.path());
+            found += u32::from(loaded.is_some());
+            assert!(loaded.is_none_or(|it| it == stored), "case {case}");
+        }
+        assert!(found < 200, "{found}");
+        fs::remove_file(&path).unwrap();
+        assert_eq!(Files::load(folder.path()), None);
+    }
 }

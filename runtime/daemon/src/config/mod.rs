@@ -19,7 +19,7 @@ use muster_runtime::diagnostic::{BadInput, FileFormat, TomlFile, read_text};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
 use muster_runtime::journal::flights;
 use muster_runtime::plan::Plan;
-use muster_runtime::schema::{self, FieldList, FileSchema, Located};
+use muster_runtime::schema::{self, FieldList, FileSchema};
 use muster_runtime::vehicle::VehicleKind;
 use muster_transport::sockets;
 use schemars::JsonSchema;
@@ -28,8 +28,8 @@ use serde::{Deserialize, Serialize};
 pub(crate) use self::autopilot::AutopilotConfig;
 pub(crate) use self::controller::{ControllerConfig, Permission};
 pub(crate) use self::flight::Origin;
+pub use self::raw::{FlightNumber, ReceiverName, StageName};
 use self::raw::{LevelName, LogName, Raw, VehicleName};
-pub use self::raw::{ReceiverName, StageName};
 use crate::log::{Format, Level};
 
 /// Path of the newest revocation list that a drone has received. It is beside the journal's folder, because it outlives
@@ -140,7 +140,7 @@ impl DroneConfig {
             path: path.to_owned(),
             scenario_path,
             id,
-            swarm: file.swarm()?,
+            swarm: SwarmId(raw.swarm.to_u32()),
             authenticator: Arc::new(file.authenticator(id, &revoked)?),
             revoked,
             fleet,
@@ -314,30 +314,16 @@ impl File {
 
     /// Journal folder of the flight that the drone joins.
     fn journal(&self, root: &Path) -> Result<PathBuf, BadInput> {
-        let number = self.0.raw.flight.as_ref().map_or(1, |it| *it.get_ref());
-        let refuse = |message: &str| {
-            let span = self.0.raw.flight.as_ref().map_or(0..0, Located::span);
-            Err(self.0.error(span, message))
-        };
-        if number == 0 {
-            return refuse("`flight` needs a number from 1, found 0");
-        }
-        match flights::choose(root, number) {
+        let flight = &self.0.raw.flight;
+        match flights::choose(root, flight.to_u32()) {
             Ok(chosen) => Ok(flights::folder_of(root, chosen)),
-            Err(error) => refuse(&format!(
-                "{error}: set `flight` to {} or, for a new flight, to a higher number",
-                error.newest
-            )),
-        }
-    }
-
-    fn swarm(&self) -> Result<SwarmId, BadInput> {
-        match &self.0.raw.swarm {
-            None => Ok(Plan::FIRST_SWARM),
-            Some(number) if *number.get_ref() == 0 => Err(self
-                .0
-                .error(number.span(), "`swarm` needs a number from 1, found 0")),
-            Some(number) => Ok(SwarmId(*number.get_ref())),
+            Err(error) => {
+                let message = format!(
+                    "{error}: set `flight` to {} or, for a new flight, to a higher number",
+                    error.newest
+                );
+                Err(self.0.error(flight.span().unwrap_or(0..0), &message))
+            }
         }
     }
 

@@ -4,11 +4,15 @@ use std::net::{SocketAddr, SocketAddrV4};
 use std::path::PathBuf;
 
 use muster_machines::msp::controller::Receiver;
-use muster_runtime::schema::Located;
+use muster_runtime::plan::raw::Whole;
+use muster_runtime::schema::{Located, Or};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::TransportName;
+
+/// Number of a flight.
+pub type FlightNumber = Whole<1, 4_294_967_295>;
 
 #[derive(Debug, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -20,11 +24,8 @@ pub(super) struct Raw {
     #[schemars(extend("x-accepted" = "the number of a drone or relay of the scenario, from 0"))]
     pub(super) id: Located<u32>,
     /// Number of its swarm; frames of other swarms are dropped.
-    #[schemars(extend(
-        "x-accepted" = "a whole number from 1 to 4294967295",
-        "x-default" = "1"
-    ))]
-    pub(super) swarm: Option<Located<u32>>,
+    #[serde(default)]
+    pub(super) swarm: Or<Whole<1, 4_294_967_295>, 1>,
     /// What the drone may do. It does nothing above its stage.
     pub(super) stage: Located<StageName>,
     /// What it flies.
@@ -51,12 +52,9 @@ pub(super) struct Raw {
     ))]
     pub(super) journal: PathBuf,
     /// Number of the flight. A higher number than before starts a new flight once the last one is over; its journal is a
-    /// new subfolder, and the 16 flights before stay readable.
-    #[schemars(extend(
-        "x-accepted" = "a whole number from 1 to 4294967295, not below that of the last flight",
-        "x-default" = "1"
-    ))]
-    pub(super) flight: Option<Located<u32>>,
+    /// new subfolder, and the last flights before stay readable. A number below that of the last flight is refused.
+    #[serde(default)]
+    pub(super) flight: Or<FlightNumber, 1>,
     /// Format of the log on standard error.
     #[serde(default)]
     pub(super) log: LogName,

@@ -46,6 +46,10 @@ pub(super) struct Seat {
     pub(super) failures: u64,
     /// How often its deadline was in the past after a timeout.
     pub(super) overdue: u64,
+    /// The deadline for which it was woken, until that is handled.
+    woken_for: Option<Timestamp>,
+    /// The longest time from a deadline until it was handled.
+    late_max: Duration,
     /// Since when messages wait and the actor has handled none. `None` if no message waits.
     waiting_since: Option<Timestamp>,
 }
@@ -100,6 +104,12 @@ impl Actors {
         self.drone.as_ref().map(Drone::book)
     }
 
+    /// The longest time from a deadline of an actor to the end of its step.
+    pub(super) fn late_max(&self) -> Duration {
+        let late = self.seats.iter().map(|seat| seat.late_max);
+        late.max().unwrap_or_default()
+    }
+
     pub(super) fn failures(&self) -> u64 {
         self.seats.iter().map(|seat| seat.failures).sum()
     }
@@ -151,10 +161,22 @@ impl Actors {
 
     /// Wakes actors whose timers are due. A timer whose message is refused for lack of room is set anew.
     pub(super) fn fire_timers(&mut self, now: Timestamp) {
+        self.fire_timers_with(now, |actors, address| actors.poke(now, address));
+    }
+
+    /// As [`Self::fire_timers`]. `wake` returns whether the actor had room for the message.
+    fn fire_timers_with(
+        &mut self,
+        now: Timestamp,
+        mut wake: impl FnMut(&mut Self, Address) -> bool,
+    ) {
         for address in Address::ALL {
-            let deadline = &mut self.seats[address as usize].deadline;
-            let is_due = deadline.take_if(|deadline| *deadline <= now).is_some();
-            if is_due && !self.poke(now, address) && self.seat(address).is_up {
+            let seat = &mut self.seats[address as usize];
+            let Some(due) = seat.deadline.take_if(|deadline| *deadline <= now) else {
+                continue;
+            };
+            seat.woken_for.get_or_insert(due);
+            if !wake(self, address) && self.seat(address).is_up {
                 self.seats[address as usize].deadline = Some(now + OVERDUE_PAUSE);
             }
         }
@@ -183,6 +205,11 @@ impl Actors {
     /// Sets an actor's timer after a step.
     pub(super) fn set_timer(&mut self, now: Timestamp, address: Address, output: &StepOutput) {
         let seat = &mut self.seats[address as usize];
+        // A message that was queued before may be handled first.
+        let is_handled = |due: &mut Timestamp| output.deadline.is_none_or(|next| next > *due);
+        if let Some(due) = seat.woken_for.take_if(is_handled) {
+            seat.late_max = seat.late_max.max(now.since(due));
+        }
         seat.set_timer(now, output);
         if output.is_overdue && seat.overdue == 1 {
             tracing::error!(
@@ -212,6 +239,7 @@ impl Actors {
         seat.is_up = false;
         seat.deadline = None;
         seat.waiting_since = None;
+        seat.woken_for = None;
         seat.failures += 1;
     }
 
@@ -226,10 +254,11 @@ impl Actors {
             let seat = &mut self.seats[address as usize];
             let hangs = |since: &mut Timestamp| now.since(*since) >= self.hang_max;
             if seat.is_up
-                && seat.waiting_since.take_if(hangs).is_some()
+                && let Some(since) = seat.waiting_since.take_if(hangs)
                 && let Some(drone) = &self.drone
             {
-                tracing::error!(actor = %address, "an actor hangs");
+                let (at_ns, waited_ms) = (now.as_nanos(), now.since(since).as_secs_f64() * 1e3);
+                tracing::error!(actor = %address, at_ns, waited_ms, "an actor hangs");
                 drone.report_hung(address);
             }
         }
@@ -277,6 +306,41 @@ mod tests {
         let seat = set(5_000, 4_000, true);
         let paused = Timestamp::from_nanos(5_000_000_000) + OVERDUE_PAUSE;
         assert_eq!((seat.deadline, seat.overdue), (Some(paused), 1));
+    }
+
+    #[test]
+    fn timer_whose_message_was_refused_fires_again() {
+        let at = |ms: u64| Timestamp::from_nanos(ms * 1_000_000);
+        let mut actors = Actors::new(Duration::from_secs(1));
+        actors.set_up(Address::Mission);
+        let output = StepOutput {
+            deadline: Some(at(5_000)),
+            ..StepOutput::default()
+        };
+        actors.set_timer(at(4_000), Address::Mission, &output);
+        for refused_ms in 5_000..5_010 {
+            assert_eq!(actors.deadline(), Some(at(refused_ms)));
+            actors.fire_timers_with(at(refused_ms), |_, _| false);
+        }
+        let mut woken = Vec::new();
+        actors.fire_timers_with(at(5_010), |_, address| {
+            woken.push(address);
+            true
+        });
+        assert_eq!((woken, actors.deadline()), (vec![Address::Mission], None));
+    }
+
+    #[test]
+    fn refused_timer_of_an_actor_that_is_down_is_not_set_anew() {
+        let at = Timestamp::from_nanos(5_000_000_000);
+        let mut actors = Actors::new(Duration::from_secs(1));
+        let output = StepOutput {
+            deadline: Some(at),
+            ..StepOutput::default()
+        };
+        actors.set_timer(at, Address::Mission, &output);
+        actors.fire_timers_with(at, |_, _| false);
+        assert_eq!(actors.deadline(), None);
     }
 
     #[test]

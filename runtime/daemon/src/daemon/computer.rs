@@ -78,7 +78,7 @@ fn flags(text: &str) -> Option<u32> {
     u32::from_str_radix(text.strip_prefix("0x").unwrap_or(text), 16).ok()
 }
 
-/// The share of a card's life that is used at most, from JEDEC's two estimates in tenths (1 is up to 10 %, 11 is more than
+/// The wear of a card, from JEDEC's two estimates in tenths (1 is up to 10 %, 11 is more than
 /// all of it). A card that does not say has 0.
 fn wear(text: &str) -> Option<f64> {
     let estimates = text
@@ -116,14 +116,14 @@ mod tests {
 
     const TEMPERATURE: &str = "sys/class/thermal/thermal_zone0/temp";
     const THROTTLED: &str = "sys/devices/platform/soc/soc:firmware/get_throttled";
-    const LIFE: &str = "sys/block/mmcblk0/device/life_time";
+    const WEAR: &str = "sys/block/mmcblk0/device/life_time";
 
     #[test]
-    fn a_hot_pi_with_a_weak_supply_and_a_worn_card_says_so() {
+    fn heat_low_voltage_and_wear_of_the_card_are_reported() {
         let files = [
             (TEMPERATURE, "84321\n"),
             (THROTTLED, "50005\n"),
-            (LIFE, "0x02 0x0a\n"),
+            (WEAR, "0x02 0x0a\n"),
         ];
         let status = seen(&files);
         assert_eq!(status.temperature_c, Some(84.321));
@@ -154,7 +154,7 @@ mod tests {
         assert_eq!(nothing, ComputerStatus::default());
         let long = "1".repeat(TEXT_MAX + 1);
         for text in ["", "\n", "none", "0x", "0x00 0x00", "99999999999", &long] {
-            let files = [(TEMPERATURE, text), (LIFE, text)];
+            let files = [(TEMPERATURE, text), (WEAR, text)];
             let status = seen(&files);
             assert_eq!(
                 (status.temperature_c, status.card_wear),

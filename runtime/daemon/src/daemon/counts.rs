@@ -132,6 +132,7 @@ impl Counts {
             ignored = self.ignored,
             refused = actors.refused.messages,
             failures = actors.failures(),
+            late_ms_max = actors.late_max().as_secs_f64() * 1e3,
             unwritten,
             lines_lost,
             "counted"

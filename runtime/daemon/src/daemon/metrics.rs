@@ -146,7 +146,7 @@ fn computer(status: &Status, page: &mut Page<'_>) -> fmt::Result {
         ("computer_was_throttled", help),
         computer.was_throttled.map(flag),
     )?;
-    let help = "Share of the card's life that is used at most, in tenths";
+    let help = "Wear of the card, in tenths";
     page.gauge(("computer_card_wear_ratio", help), computer.card_wear)?;
     let help = "Free space for the journal";
     page.gauge(

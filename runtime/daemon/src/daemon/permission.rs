@@ -43,7 +43,9 @@ pub(super) enum Refusal {
     #[error("the last check on the ground, which has the newest known time, can't be read: {0}")]
     Kept(BadInput),
     /// The system's fault: the check can't be kept.
-    #[error("the check on the ground, which has the newest known time, can't be written: {0}")]
+    #[error(
+        "can't store the result of the last ground check (it holds the newest known time): {0}"
+    )]
     NotKept(std::io::Error),
 }
 

@@ -89,7 +89,7 @@ fn describe_route(routes: &Routes) -> String {
 fn describe(seen: &Observation) -> String {
     match seen {
         Observation::Mission(mission::Event::State(state)) => state.to_string(),
-        Observation::Mission(mission::Event::Obeys(ballot)) => format!("follows ballot {ballot}"),
+        Observation::Mission(mission::Event::Follows(ballot)) => format!("follows ballot {ballot}"),
         Observation::Mission(mission::Event::Opened { waypoint }) => {
             format!("opens waypoint {waypoint}")
         }

@@ -158,6 +158,8 @@ fn inject(process: &Process, actor: Address, fault: ActorFault) {
         }
         ActorFault::Hangs(None) => Message::Stall(Stall(Box::pin(std::future::pending()))),
     };
+    let at_ns = process.clock.now().as_nanos();
+    tracing::warn!(%actor, at_ns, ?fault, "a fault is injected");
     process.state().actors().inject(actor, message);
 }
 

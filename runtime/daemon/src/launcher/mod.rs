@@ -20,7 +20,7 @@ use tokio::sync::mpsc;
 use tokio::time::timeout;
 
 use self::drones::Drones;
-use self::protocol::{Order, Reply, VERSION};
+use self::protocol::{LauncherCommand, Reply, VERSION};
 use crate::clock::Clock;
 
 /// The longest silence before the starter and the launcher take each other for gone. The starter sends a ping each second.
@@ -108,7 +108,7 @@ fn end_signal() -> io::Result<impl Future<Output = ()>> {
 }
 
 /// The orders on standard input.
-fn read_orders() -> mpsc::UnboundedReceiver<Result<Order, serde_json::Error>> {
+fn read_orders() -> mpsc::UnboundedReceiver<Result<LauncherCommand, serde_json::Error>> {
     let (sender, receiver) = mpsc::unbounded_channel();
     // The thread blocks in reads until the process ends.
     std::thread::spawn(move || {
@@ -143,7 +143,7 @@ struct Launcher {
 impl Launcher {
     async fn execute_all(
         &mut self,
-        mut orders: mpsc::UnboundedReceiver<Result<Order, serde_json::Error>>,
+        mut orders: mpsc::UnboundedReceiver<Result<LauncherCommand, serde_json::Error>>,
     ) -> Result<(), LauncherError> {
         loop {
             let order = timeout(SILENCE_MAX, orders.recv()).await;
@@ -154,14 +154,14 @@ impl Launcher {
         }
     }
 
-    fn execute(&mut self, order: Order) -> Result<(), LauncherError> {
+    fn execute(&mut self, order: LauncherCommand) -> Result<(), LauncherError> {
         match order {
-            Order::Ping(ping) => {
+            LauncherCommand::Ping(ping) => {
                 let at_ns = self.clock.now().as_nanos();
                 self.reply(Reply::Pong { ping, at_ns });
             }
-            Order::AppendFile { path, text } => self.write(&path, &text)?,
-            Order::Start {
+            LauncherCommand::AppendFile { path, text } => self.write(&path, &text)?,
+            LauncherCommand::Start {
                 drone,
                 config,
                 arguments,
@@ -169,8 +169,8 @@ impl Launcher {
                 let own = self.folder.as_ref().map_or(Path::new(""), TempDir::path);
                 self.drones.start(drone, &own.join(config), &arguments);
             }
-            Order::Signal { drone, signal } => self.drones.signal(drone, signal),
-            Order::WriteStdin { drone, line } => self.drones.write_stdin(drone, line),
+            LauncherCommand::Signal { drone, signal } => self.drones.signal(drone, signal),
+            LauncherCommand::WriteStdin { drone, line } => self.drones.write_stdin(drone, line),
         }
         Ok(())
     }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 /// A message from the starter to a launcher.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Order {
+pub enum LauncherCommand {
     /// Report the host's time.
     Ping(u64),
     /// Append to a file within the launcher's folder. A new file is readable by its owner only.
@@ -51,7 +51,7 @@ pub enum Reply {
 /// Largest part of a file in one order, in bytes. It keeps orders frequent enough for the silence limit on a slow connection.
 const PIECE_MAX: usize = 16 * 1_024;
 
-impl Order {
+impl LauncherCommand {
     /// The orders that write a file, in pieces.
     pub fn append_file<'a>(path: &'a Path, text: &'a str) -> impl Iterator<Item = Self> + 'a {
         let mut rest = Some(text);
@@ -84,22 +84,25 @@ mod tests {
 
     #[test]
     fn any_line_for_standard_input_survives_encoding() {
-        let order = Order::WriteStdin {
+        let order = LauncherCommand::WriteStdin {
             drone: 3,
             line: "{\"losses\":{}}\n".to_owned(),
         };
         let written = line(&order);
         assert_eq!(written.matches('\n').count(), 1);
-        assert_eq!(serde_json::from_str::<Order>(&written).unwrap(), order);
+        assert_eq!(
+            serde_json::from_str::<LauncherCommand>(&written).unwrap(),
+            order
+        );
     }
 
     #[test]
     fn files_are_sent_in_pieces_even_empty_ones() {
         let pieces = |text: &str| {
             let orders: Vec<_> =
-                Order::append_file(Path::new("drone-1/drone.toml"), text).collect();
+                LauncherCommand::append_file(Path::new("drone-1/drone.toml"), text).collect();
             let texts = orders.iter().map(|order| match order {
-                Order::AppendFile { text, .. } => text.as_str(),
+                LauncherCommand::AppendFile { text, .. } => text.as_str(),
                 other => panic!("{other:?}"),
             });
             assert_eq!(texts.collect::<String>(), text);

@@ -9,7 +9,7 @@ use muster_runtime::file::{Lock, replace, sync_folder_of};
 use serde::{Deserialize, Serialize};
 
 use super::facts::SlotFacts;
-use super::machine::{Goal, Link, SlotId, Slots, Step};
+use super::machine::{Goal, SlotId, SlotLink, Slots, Step};
 
 /// Folder of an unfinished slot.
 const INCOMING: &str = ".incoming";
@@ -60,11 +60,11 @@ impl Disk {
         self.root.join("etc/systemd/system").join(name)
     }
 
-    pub(super) fn link(&self, link: Link) -> PathBuf {
+    pub(super) fn link(&self, link: SlotLink) -> PathBuf {
         self.home().join(match link {
-            Link::Current => "current",
-            Link::Good => "good",
-            Link::Previous => "previous",
+            SlotLink::Current => "current",
+            SlotLink::Good => "good",
+            SlotLink::Previous => "previous",
         })
     }
 
@@ -103,8 +103,8 @@ impl Disk {
             let name = target.file_name()?.to_string_lossy().into_owned();
             slots.complete.contains(&name).then_some(name)
         };
-        let (current, good) = (target(Link::Current), target(Link::Good));
-        let previous = target(Link::Previous);
+        let (current, good) = (target(SlotLink::Current), target(SlotLink::Good));
+        let previous = target(SlotLink::Previous);
         Ok(Slots {
             current,
             good,
@@ -134,9 +134,9 @@ impl Disk {
                 let (path, new) = (self.link(*link), self.link(*link).with_extension("new"));
                 remove_if_there(&new)?;
                 let target = Path::new("slots").join(slot);
-                let good = self.link(Link::Good);
+                let good = self.link(SlotLink::Good);
                 if fs::read_link(&good).is_ok_and(|it| it == target) {
-                    // A second name of the link that is there needs no space, so the way back is open on a full disk.
+                    // A second name of the link that is there needs no space, so a rollback works on a full disk.
                     fs::hard_link(&good, &new)?;
                 } else {
                     symlink(target, &new)?;
@@ -278,7 +278,7 @@ mod tests {
     }
 
     fn running(disk: &Disk) -> String {
-        fs::read_to_string(disk.link(Link::Current).join("musterd")).unwrap()
+        fs::read_to_string(disk.link(SlotLink::Current).join("musterd")).unwrap()
     }
 
     #[test]
@@ -298,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn way_back_needs_no_new_file() {
+    fn rollback_needs_no_new_file() {
         use std::os::unix::fs::MetadataExt;
 
         let (_folder, disk) = disk();
@@ -311,8 +311,8 @@ mod tests {
         disk.reach(&Goal::Settle).unwrap();
         let file = |link| fs::symlink_metadata(disk.link(link)).unwrap().ino();
         assert_eq!(
-            file(Link::Current),
-            file(Link::Good),
+            file(SlotLink::Current),
+            file(SlotLink::Good),
             "on a full disk there is none"
         );
         install(&disk, "c");

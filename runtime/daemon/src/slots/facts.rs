@@ -51,7 +51,7 @@ pub struct HostFacts {
     /// Name of the slot that has proven itself last.
     pub good: Option<String>,
     /// Name of the slot that a rollback leads to.
-    pub way_back: Option<String>,
+    pub rollback_slot: Option<String>,
     /// Whether a slot is on trial now.
     pub is_on_trial: bool,
     /// Time since a slot proved itself last, in seconds.

@@ -38,9 +38,9 @@ impl Flight {
             // The newest flight is over and another one.
             return Some(Self::NotBegun);
         };
-        let checkpoints = peek(&flights::folder_of(&file.journal, number)).ok()?;
-        Some(match checkpoints {
-            Some(it) if it.is_flight_ongoing() => Self::Ongoing,
+        let found = peek(&flights::folder_of(&file.journal, number)).ok()?;
+        Some(match found.readable() {
+            _ if found.may_be_in_flight() => Self::Ongoing,
             Some(it) if it.state() == State::Finished => Self::Over,
             _ => Self::NotBegun,
         })
@@ -73,7 +73,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn journal_tells_whether_the_flight_is_over() {
+    fn journal_shows_whether_the_flight_is_over() {
         let folder = tempfile::tempdir().unwrap();
         let file = fly(folder.path(), 0, State::TakingOff);
         assert_eq!(Flight::of(&file), Flight::Ongoing);

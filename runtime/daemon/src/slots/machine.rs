@@ -10,7 +10,7 @@ pub(super) type SlotId = String;
 
 /// A link to a slot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Link {
+pub(super) enum SlotLink {
     /// The slot that runs.
     Current,
     /// The slot that has proven itself last.
@@ -48,7 +48,7 @@ pub(super) enum Goal {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(super) enum Step {
     /// Sets a link, or removes it.
-    Set(Link, Option<SlotId>),
+    Set(SlotLink, Option<SlotId>),
     /// Removes a slot that no link leads to.
     Remove(SlotId),
 }
@@ -60,7 +60,7 @@ impl Slots {
     }
 
     /// The slot that [`Goal::RollBack`] leads to. `None` if there is none.
-    pub(super) fn way_back(&self) -> Option<&SlotId> {
+    pub(super) fn rollback_slot(&self) -> Option<&SlotId> {
         self.previous
             .as_ref()
             .filter(|it| Some(*it) != self.good.as_ref())
@@ -72,28 +72,28 @@ impl Slots {
         match goal {
             Goal::Room | Goal::Try(_) if self.is_settled_for(goal) => None,
             Goal::Try(slot) if self.complete.contains(slot) => {
-                Some(Step::Set(Link::Current, Some(slot.clone())))
+                Some(Step::Set(SlotLink::Current, Some(slot.clone())))
             }
             Goal::Try(_) => None,
             Goal::Keep if self.current.is_none() => None,
             Goal::Keep
                 if self.is_on_trial() && self.good.is_some() && self.previous != self.good =>
             {
-                set(Link::Previous, &self.good)
+                set(SlotLink::Previous, &self.good)
             }
-            Goal::Keep if self.is_on_trial() => set(Link::Good, &self.current),
+            Goal::Keep if self.is_on_trial() => set(SlotLink::Good, &self.current),
             Goal::Keep => self.unlinked(),
-            Goal::RollBack if !self.is_on_trial() && self.way_back().is_some() => {
-                set(Link::Good, &self.previous)
+            Goal::RollBack if !self.is_on_trial() && self.rollback_slot().is_some() => {
+                set(SlotLink::Good, &self.previous)
             }
             Goal::Room | Goal::Settle | Goal::RollBack if self.is_on_trial() => {
-                set(Link::Current, &self.good)
+                set(SlotLink::Current, &self.good)
             }
-            Goal::Room if self.previous.is_some() => set(Link::Previous, &None),
+            Goal::Room if self.previous.is_some() => set(SlotLink::Previous, &None),
             Goal::Settle | Goal::RollBack
                 if self.previous.is_some() && self.previous == self.good =>
             {
-                set(Link::Previous, &None)
+                set(SlotLink::Previous, &None)
             }
             Goal::Room | Goal::Settle | Goal::RollBack => self.unlinked(),
         }
@@ -122,9 +122,9 @@ mod tests {
     /// The disk after a step.
     fn after(mut slots: Slots, step: Step) -> Slots {
         match step {
-            Step::Set(Link::Current, to) => slots.current = to,
-            Step::Set(Link::Good, to) => slots.good = to,
-            Step::Set(Link::Previous, to) => slots.previous = to,
+            Step::Set(SlotLink::Current, to) => slots.current = to,
+            Step::Set(SlotLink::Good, to) => slots.good = to,
+            Step::Set(SlotLink::Previous, to) => slots.previous = to,
             Step::Remove(slot) => {
                 let removed = slots.complete.remove(&slot);
                 assert!(removed, "{slot} is not there");
@@ -138,13 +138,13 @@ mod tests {
         for _ in 0..steps {
             let Some(step) = slots.next(goal) else { break };
             slots = after(slots, step);
-            assert_has_a_way_back(&slots);
+            assert_can_roll_back(&slots);
         }
         slots
     }
 
     /// No link leads nowhere: the host could be cut off now.
-    fn assert_has_a_way_back(slots: &Slots) {
+    fn assert_can_roll_back(slots: &Slots) {
         for link in [&slots.current, &slots.good, &slots.previous] {
             let is_there = link.as_ref().is_none_or(|it| slots.complete.contains(it));
             assert!(is_there, "{slots:?}");
@@ -182,11 +182,11 @@ mod tests {
     fn upgrade_keeps_the_slot_before_for_a_rollback() {
         let slots = upgraded(upgraded(Slots::default(), "a"), "b");
         assert_eq!(slots.current.as_deref(), Some("b"));
-        assert_eq!(slots.way_back().map(String::as_str), Some("a"));
+        assert_eq!(slots.rollback_slot().map(String::as_str), Some("a"));
         let slots = reached(slots, &Goal::RollBack);
         assert_eq!(slots.current.as_deref(), Some("a"));
         assert_eq!(slots.good, slots.current);
-        assert_eq!(slots.way_back(), None);
+        assert_eq!(slots.rollback_slot(), None);
         assert_eq!(slots.complete.len(), 1, "the slot that was left is removed");
     }
 

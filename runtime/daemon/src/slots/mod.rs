@@ -1,4 +1,4 @@
-//! The releases on a host: slots that are switched atomically, and the way back to the last one that proved itself.
+//! The releases on a host: slots that are switched atomically, and the rollback to the last one that proved itself.
 //!
 //! | path | |
 //! | --- | --- |

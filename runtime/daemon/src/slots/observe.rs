@@ -12,7 +12,7 @@ use super::Host;
 use super::facts::{DroneFacts, HostFacts, SlotFacts};
 use super::flight::Flight;
 use super::gate::DroneHealth;
-use super::machine::Link;
+use super::machine::SlotLink;
 use super::systemd::{TRIAL, Unit, service};
 
 /// Time limit of a question to a drone.
@@ -223,7 +223,7 @@ pub(super) fn host(host: &Host) -> io::Result<HostFacts> {
         .as_ref()
         .map(|it| disk.facts(it))
         .transpose()?;
-    let since_good = fs::symlink_metadata(disk.link(Link::Good)).and_then(|it| it.modified());
+    let since_good = fs::symlink_metadata(disk.link(SlotLink::Good)).and_then(|it| it.modified());
     let good_for = since_good.ok().and_then(|since| since.elapsed().ok());
     let is_tried = host.systemd.look(TRIAL)?.is_running();
     let home = disk.home();
@@ -235,7 +235,7 @@ pub(super) fn host(host: &Host) -> io::Result<HostFacts> {
             (Some(slot), Some(facts)) => drones(host, slot, facts, &BTreeMap::new())?,
             _ => BTreeMap::new(),
         },
-        way_back: slots.way_back().cloned(),
+        rollback_slot: slots.rollback_slot().cloned(),
         is_on_trial: is_tried || slots.is_on_trial(),
         good_for_s: slots.good.as_ref().and(good_for).map(|it| it.as_secs()),
         good: slots.good,

@@ -1,4 +1,4 @@
-//! The trial of a slot, and the way back. A service of its own runs it, so that nothing depends on who asked for it.
+//! The trial of a slot, and the rollback. A service of its own runs it, so that nothing depends on who asked for it.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -10,7 +10,7 @@ use super::Host;
 use super::disk::Disk;
 use super::facts::SlotFacts;
 use super::gate::{DroneHealth, Gate, Verdict};
-use super::machine::{Goal, Link, SlotId, Slots};
+use super::machine::{Goal, SlotId, SlotLink, Slots};
 use super::observe::{self, Before};
 use super::systemd::{BOOT, DRONES, TRIAL, service};
 
@@ -25,7 +25,7 @@ const LOCK: &str = "trial.lock";
 pub(super) fn start(disk: &Disk, slot: &SlotId) -> io::Result<()> {
     let slots = disk.slots()?;
     let keeper = match slots.good {
-        Some(_) => disk.link(Link::Good),
+        Some(_) => disk.link(SlotLink::Good),
         None => disk.slot(slot),
     };
     let keeper = keeper.join("musterd");
@@ -215,7 +215,7 @@ fn kill_unless_in_flight(host: &Host, slot: &str, drone: (u32, SocketAddr)) -> i
 /// If a drone takes part in a flight, or the disk or systemd refuses.
 pub(super) fn roll_back(host: &Host) -> io::Result<()> {
     let slots = host.disk.slots()?;
-    let (Some(left), Some(back)) = (&slots.current, slots.way_back()) else {
+    let (Some(left), Some(back)) = (&slots.current, slots.rollback_slot()) else {
         return Ok(());
     };
     if let Some(drone) = observe::in_flight(host, left)? {

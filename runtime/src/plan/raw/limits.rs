@@ -29,7 +29,7 @@ pub struct Limits {
     #[serde(default)]
     pub set_up_s: Or<Seconds, 30>,
     /// How long a drone may take to its slot; the swarm flies without one that takes longer.
-    #[schemars(extend("x-default" = "twice the longest way + 60"))]
+    #[schemars(extend("x-default" = "twice the longest path + 60"))]
     pub take_off_s: Option<Seconds>,
     /// How long a leg may take; a drone that takes longer lands.
     #[schemars(extend("x-default" = "twice the longest leg + 60"))]

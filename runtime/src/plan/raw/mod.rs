@@ -28,9 +28,9 @@ pub use self::names::{
     SuccessionName, VehicleKindName,
 };
 pub use self::numbers::{
-    Gain, Gusts, Heading, Height, IntegralGain, Lean, Length, Microseconds, Milliseconds, Offset,
-    PartsPerMillion, Payload, Rate, Seconds, SecondsFrom0, Seed, Shape, Share, Sigma, Throttle,
-    TurnRate, Velocity, Volts, Wear, Whole, Wind,
+    FrameRate, Gain, Gusts, Heading, Height, IntegralGain, Lean, Length, Microseconds,
+    Milliseconds, Offset, PartsPerMillion, Payload, Rate, Seconds, SecondsFrom0, Seed, Shape,
+    Share, Sigma, Throttle, TurnRate, Velocity, Volts, Wear, Whole, Wind,
 };
 pub(super) use self::reference::reference;
 pub use self::vehicle::{Aircraft, Gains, PoseSensor, Vehicle};

@@ -76,6 +76,7 @@ number!(Gain, "a gain", 0.05, 10.0);
 number!(IntegralGain, "a gain", 0.0, 10.0);
 number!(Lean, "an angle", 0.05, 0.9);
 number!(Throttle, "a throttle", 0.1, 0.8);
+number!(FrameRate, "a number of frames", 0.0, 1_000_000.0);
 number!(Gusts, "a standard deviation", 0.0, 10.0);
 
 /// Milliseconds: at least one, at most an hour.
@@ -91,6 +92,14 @@ pub type Seed = Whole<0, { i64::MAX as u64 }>;
 #[derive(Debug, Clone, Copy, Deserialize, Serialize)]
 #[serde(try_from = "i64")]
 pub struct Whole<const MIN: u64, const MAX: u64>(pub u64);
+
+impl<const MIN: u64, const MAX: u64> Whole<MIN, MAX> {
+    /// The number with 32 bits; the greatest one if it is greater.
+    #[must_use]
+    pub fn to_u32(self) -> u32 {
+        u32::try_from(self.0).unwrap_or(u32::MAX)
+    }
+}
 
 impl<const MIN: u64, const MAX: u64> TryFrom<i64> for Whole<MIN, MAX> {
     type Error = String;

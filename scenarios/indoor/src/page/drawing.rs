@@ -86,11 +86,11 @@ impl<'a> Drawing<'a> {
         html! { circle.dot.(class) cx=(format!("{x:.1}")) cy=(format!("{y:.1}")) r=(radius) {} }
     }
 
-    /// Begin and end of a way.
-    pub(super) fn ends(&self, way: &[MapXy]) -> Markup {
+    /// Begin and end of a path.
+    pub(super) fn ends(&self, path: &[MapXy]) -> Markup {
         html! {
-            @if let Some(first) = way.first() { (self.label(*first, "start")) }
-            @if let Some(last) = way.last() { (self.label(*last, "end")) }
+            @if let Some(first) = path.first() { (self.label(*first, "start")) }
+            @if let Some(last) = path.last() { (self.label(*last, "end")) }
         }
     }
 

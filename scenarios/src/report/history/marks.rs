@@ -5,7 +5,7 @@ use muster_machines::mission::LandingReason;
 use muster_machines::time::Timestamp;
 use muster_runtime::plan::raw::ActorName;
 
-use super::words::{fault, ids, masters};
+use super::labels::{fault, ids, masters};
 use super::{History, Mark, MarkKind};
 use crate::checkers::Violation;
 use crate::report::agents::cause;

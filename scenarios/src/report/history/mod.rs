@@ -1,8 +1,8 @@
 //! What happened in a flight besides the motion of its drones: for the replay and the exports.
 
 mod build;
+mod labels;
 mod marks;
-mod words;
 
 use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::Ned;

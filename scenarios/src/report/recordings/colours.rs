@@ -10,13 +10,13 @@ const EPOCHS: [[u8; 3]; 8] = [
     [0x8a, 0x4b, 0x2a],
 ];
 
-/// Colour of a drone that follows nobody.
-const NOBODY: [u8; 3] = [0x8f, 0x98, 0xa8];
+/// Colour of a drone that follows no leader.
+const NO_LEADER: [u8; 3] = [0x8f, 0x98, 0xa8];
 
 /// Colour of a drone that is dead.
 pub(super) const DEAD: [u8; 3] = [0xb3, 0x26, 0x1e];
 
 /// The colour of a leader epoch, by its index.
 pub(super) fn epoch(index: Option<usize>) -> [u8; 3] {
-    index.map_or(NOBODY, |index| EPOCHS[index % EPOCHS.len()])
+    index.map_or(NO_LEADER, |index| EPOCHS[index % EPOCHS.len()])
 }

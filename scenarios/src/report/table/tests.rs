@@ -19,7 +19,7 @@ fn table_shows_restarts_early_landings_and_violations() {
 }
 
 #[test]
-fn incomplete_mission_says_landed_only_if_drones_landed() {
+fn incomplete_mission_is_landed_only_if_drones_landed() {
     let (mut report, _) = sample::faulty();
     report.violations.clear();
     assert!(incomplete_mission(&report).contains("landed"));
@@ -61,7 +61,7 @@ fn plain_table_has_no_escapes() {
 }
 
 #[test]
-fn table_tells_that_segments_never_met_and_the_mission_was_not_one() {
+fn table_names_segments_that_never_met() {
     let (mut report, _) = sample::swarm(7);
     report.never_met = (0..7).map(|id| vec![id]).collect();
     let text = table(&report, None, Colour::Never);

@@ -180,7 +180,7 @@ fn rule_7_breaks_when_rc_has_been_missing_for_a_tenth_of_a_second() {
 }
 
 #[test]
-fn new_link_is_told_of_its_port_and_the_newest_statuses_at_once() {
+fn new_link_gets_its_port_and_the_newest_statuses_at_once() {
     let mut bench = Bench::flying("sole", 1);
     bench.pass(3.0);
     let events: Vec<_> = bench.controllers.introduction(bench.now, DRONE).collect();

@@ -229,7 +229,7 @@ impl Recorder {
                 self.history.happens(now, id, Incident::Lands(reason));
                 self.record(id).reason = Some(reason);
             }
-            mission::Event::Obeys(ballot) => {
+            mission::Event::Follows(ballot) => {
                 self.history.happens(now, id, Incident::Follows(ballot));
                 self.record(id).leader = Some(ballot.master);
                 if ballot.is_elected() && ballot.master == id {

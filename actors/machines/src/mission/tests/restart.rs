@@ -48,7 +48,7 @@ fn restarted_process_resumes_a_leg_in_lockstep_but_waits_in_its_layer() {
 }
 
 #[test]
-fn restarted_routing_is_told_leader_order_and_landing_again() {
+fn restarted_routing_gets_leader_order_and_landing_again() {
     let mut master = master_taking_off();
     let transmits = notify(&mut master, 15.0, RoutingNotice::Resync);
     assert!(matches!(transmits[0], Transmit::Lead(_)));

@@ -186,7 +186,7 @@ fn drone_that_turns_back_brakes_and_announces_the_stop_first() {
 }
 
 #[test]
-fn braking_drone_is_told_to_hold_once() {
+fn braking_drone_gets_one_hold() {
     let mut navigation = avoiding();
     let (start, to) = (Ned::new(0.0, 0.0, -25.0), Ned::new(100.0, 0.0, -35.0));
     handle(&mut navigation, Input::Goal(fly_to(to)));

@@ -134,7 +134,7 @@ fn in_hop_update() -> (FloodRouting, Timestamp) {
 }
 
 #[test]
-fn neighbour_that_omits_this_drone_is_reported_as_deaf_until_it_hears_it() {
+fn neighbour_whose_reports_omit_this_drone_is_deaf_until_they_list_it() {
     let mut drone = routing(1);
     let deaf = Packet::Flood(Flood {
         hears: NodeSet::from(NodeId(0)),

@@ -129,7 +129,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_room_is_told_next() {
+    fn acknowledgements_without_room_are_sent_with_the_next_frame() {
         let mut owed = Owed::default();
         (0..4).for_each(|nth| owed.add(NodeId(1), frame(nth, 1), Timestamp::ZERO));
         assert_eq!(owed.take(Some(NodeId(1)), 3).len(), 3);

@@ -192,7 +192,7 @@ impl Inbox {
                 message: message.1,
                 before: before(origin, message),
             };
-            self.forget_told(origin);
+            self.forget_if_settled(origin);
             return Some((origin, body));
         }
         let (_, message) = receipt.pieces.take()?;
@@ -203,7 +203,7 @@ impl Inbox {
             (None, Some(it)) if it.message == message => (it.below, it.beyond()),
             _ => (0, 0),
         };
-        self.forget_told(origin);
+        self.forget_if_settled(origin);
         let body = MessageBody::Progress {
             session: message.0,
             message: message.1,
@@ -214,9 +214,9 @@ impl Inbox {
     }
 
     /// Forgets an origin that is owed nothing more.
-    fn forget_told(&mut self, origin: NodeId) {
-        let is_told = |it: &Receipt| it.whole.is_none() && it.pieces.is_none();
-        if self.receipts.get(&origin).is_some_and(is_told) {
+    fn forget_if_settled(&mut self, origin: NodeId) {
+        let is_settled = |it: &Receipt| it.whole.is_none() && it.pieces.is_none();
+        if self.receipts.get(&origin).is_some_and(is_settled) {
             self.receipts.remove(&origin);
         }
     }

@@ -47,7 +47,7 @@ pub enum Outcome {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Error)]
 pub enum DropReason {
     /// More messages wait than the queue holds.
-    #[error("more than {QUEUE_MAX} messages or 2 MiB wait or are not acknowledged")]
+    #[error("send queue full: at most {QUEUE_MAX} messages and 2 MiB")]
     QueueFull,
     /// It is too long.
     #[error(

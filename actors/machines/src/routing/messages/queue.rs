@@ -87,7 +87,7 @@ impl Entry {
     }
 
     /// Whether it was sent to a neighbour that has not accepted it.
-    fn is_on_way_to(&self, neighbour: NodeId) -> bool {
+    fn is_next_hop(&self, neighbour: NodeId) -> bool {
         self.reach == Reach::NextHop && self.tries > 0 && self.awaited.contains(neighbour)
     }
 }
@@ -271,9 +271,9 @@ impl Queue {
     }
 
     /// Number of frames that a neighbour has not accepted yet.
-    pub(super) fn on_way_to(&self, neighbour: NodeId) -> usize {
+    pub(super) fn queued_for(&self, neighbour: NodeId) -> usize {
         self.iter()
-            .filter(|entry| entry.is_on_way_to(neighbour))
+            .filter(|entry| entry.is_next_hop(neighbour))
             .count()
     }
 

@@ -88,7 +88,7 @@ impl Messages {
             Hop::Flood => return self.flood(cx, place),
         };
         let busy_until = self.sending.busy_until(next, cx.now);
-        let is_window_full = self.queue.on_way_to(next) >= HOP_WINDOW;
+        let is_window_full = self.queue.queued_for(next) >= HOP_WINDOW;
         let Some(entry) = self.queue.get_mut(place) else {
             return;
         };

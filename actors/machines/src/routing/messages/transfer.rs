@@ -14,7 +14,7 @@ use crate::wire::{MESSAGE_FRAME_MAX, MessageBody, message_pieces};
 
 /// Sends a large message piece by piece, and repeats the pieces that do not arrive.
 ///
-/// Invariant: a piece is under way only if it was not acknowledged; at most [`PIECES_WINDOW`] are.
+/// Invariant: a piece is in flight only if it was not acknowledged; at most [`PIECES_WINDOW`] are.
 #[derive(Debug)]
 pub(super) struct Transfer {
     payload: Bytes,
@@ -25,7 +25,7 @@ pub(super) struct Transfer {
     missing: u32,
     /// First piece that was neither sent nor acknowledged.
     next: u32,
-    under_way: BTreeMap<u32, UnderWay>,
+    in_flight: BTreeMap<u32, InFlight>,
     /// Smoothed time from a piece to its acknowledgement.
     round_trip: Duration,
     /// Number of repetitions since the last acknowledgement.
@@ -35,7 +35,7 @@ pub(super) struct Transfer {
 }
 
 #[derive(Debug, Clone, Copy)]
-struct UnderWay {
+struct InFlight {
     sent_at: Timestamp,
     is_repeated: bool,
 }
@@ -52,7 +52,7 @@ impl Transfer {
             arrived: vec![false; count as usize],
             missing: count,
             next: 0,
-            under_way: BTreeMap::new(),
+            in_flight: BTreeMap::new(),
             round_trip: RETRY_MIN / 2,
             repetitions: 0,
             started_at: now,
@@ -76,12 +76,12 @@ impl Transfer {
         if self.has_new_piece() {
             return Timestamp::ZERO;
         }
-        let first = self.under_way.values().map(|it| it.sent_at).min();
+        let first = self.in_flight.values().map(|it| it.sent_at).min();
         first.map_or(self.expires_at(), |first| first + self.pause())
     }
 
     fn has_new_piece(&self) -> bool {
-        self.under_way.len() < PIECES_WINDOW as usize && self.next < self.arrived.len() as u32
+        self.in_flight.len() < PIECES_WINDOW as usize && self.next < self.arrived.len() as u32
     }
 
     /// The next piece to send; `None` if there is none yet. A piece that `is_queued` still waits at this drone.
@@ -92,7 +92,7 @@ impl Transfer {
     ) -> Option<MessageBody> {
         let pause = self.pause();
         let mut overdue: Option<(Timestamp, u32)> = None;
-        for (index, piece) in &mut self.under_way {
+        for (index, piece) in &mut self.in_flight {
             if piece.sent_at + pause > now {
                 continue;
             }
@@ -116,11 +116,11 @@ impl Transfer {
             }
             None => return None,
         };
-        let sent = UnderWay {
+        let sent = InFlight {
             sent_at: now,
             is_repeated: overdue.is_some(),
         };
-        self.under_way.insert(index, sent);
+        self.in_flight.insert(index, sent);
         let begin = index as usize * MESSAGE_FRAME_MAX;
         let end = (begin + MESSAGE_FRAME_MAX).min(self.payload.len());
         Some(MessageBody::Piece {
@@ -180,7 +180,7 @@ impl Transfer {
         self.arrived.fill(false);
         self.missing = self.arrived.len() as u32;
         self.next = 0;
-        self.under_way.clear();
+        self.in_flight.clear();
     }
 
     fn record_arrival(&mut self, now: Timestamp, index: usize) {
@@ -193,7 +193,7 @@ impl Transfer {
         self.missing -= 1;
         self.progress_at = now;
         self.repetitions = 0;
-        if let Some(piece) = self.under_way.remove(&(index as u32))
+        if let Some(piece) = self.in_flight.remove(&(index as u32))
             && !piece.is_repeated
         {
             self.round_trip = (self.round_trip * 7 + now.since(piece.sent_at)) / 8;
@@ -235,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn window_limits_what_is_under_way() {
+    fn window_limits_pieces_in_flight() {
         let mut transfer = transfer(100);
         let sent = std::iter::from_fn(|| transfer.take_piece(Timestamp::ZERO, |_| false)).count();
         assert_eq!(sent, PIECES_WINDOW as usize);

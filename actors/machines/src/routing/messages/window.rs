@@ -130,7 +130,7 @@ mod tests {
     }
 
     #[test]
-    fn sessions_are_told_apart_and_two_are_remembered() {
+    fn sessions_are_distinguished_and_two_are_remembered() {
         let mut seen = Seen::default();
         seen.insert(1, 5);
         seen.insert(2, 5);

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use super::link::Link;
+use super::link::Neighbour;
 use super::link_table::LinkTable;
 use crate::identity::NodeSet;
 use crate::routing::shared::SharedState;
@@ -81,7 +81,7 @@ impl Aggregation {
         &mut self,
         shared: &SharedState,
         links: &LinkTable,
-        parent: Option<&Link>,
+        parent: Option<&Neighbour>,
         (now, repair): (Timestamp, Duration),
     ) -> Forward {
         let sequence = shared.sequence();
@@ -118,7 +118,7 @@ impl Aggregation {
         &self,
         shared: &SharedState,
         links: &LinkTable,
-        parent: Option<&Link>,
+        parent: Option<&Neighbour>,
     ) -> bool {
         let sequence = shared.sequence();
         let Some(parent) = parent else {
@@ -154,7 +154,7 @@ impl Aggregation {
 
 /// Members whose acknowledgement of order `sequence` the master lacks, as the parent reports; `None` if it has not
 /// reported that.
-pub(super) fn pending(parent: &Link, sequence: u32) -> Option<&NodeSet> {
+pub(super) fn pending(parent: &Neighbour, sequence: u32) -> Option<&NodeSet> {
     let has_reported = parent.report.by_parent && parent.report.sequence == sequence;
     has_reported.then(|| &parent.sets().pending)
 }

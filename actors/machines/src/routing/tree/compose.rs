@@ -1,7 +1,7 @@
 //! Composes packets of a drone's state that fit a datagram.
 
 use super::aggregation::pending;
-use super::link::Link;
+use super::link::Neighbour;
 use super::link_table::LinkTable;
 use super::parent::ParentSelection;
 use crate::identity::{NodeId, NodeSet};
@@ -54,7 +54,7 @@ impl Composer {
             let named = parent.and_then(|parent| pending(parent, sequence));
             named.cloned().unwrap_or(all)
         };
-        let lacks_order = |link: &Link| link.report.sequence < sequence;
+        let lacks_order = |link: &Neighbour| link.report.sequence < sequence;
         let receiver_lacks_order = to.and_then(|to| links.get(to)).is_some_and(lacks_order);
         let carries_order =
             shared.is_master() || route.routes().relay || parent.is_none() || receiver_lacks_order;

@@ -24,7 +24,7 @@ const DELIVERY_REPORT_MAX: Duration = Duration::from_millis(60);
 
 /// A neighbour.
 #[derive(Debug, Clone)]
-pub(super) struct Link {
+pub(super) struct Neighbour {
     pub(super) id: NodeId,
     /// When it was first heard, and last.
     pub(super) known_since: Timestamp,
@@ -132,7 +132,7 @@ pub(super) struct ReportChange {
     pub(super) route: bool,
 }
 
-impl Link {
+impl Neighbour {
     /// The link to a neighbour that is heard for the first time.
     pub(super) fn new(id: NodeId, now: Timestamp) -> Self {
         Self {

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 
-use super::link::{Link, Sender, reports_hearing};
+use super::link::{Neighbour, Sender, reports_hearing};
 use crate::flaw::{self, Flaw};
 use crate::identity::{NodeId, NodeSet};
 use crate::node_map::NodeMap;
@@ -25,7 +25,7 @@ pub(super) struct LinkTable {
     heartbeat_period: Duration,
     /// Longest pause between two frames of any neighbour.
     leaf_period: Duration,
-    links: NodeMap<Link>,
+    links: NodeMap<Neighbour>,
     /// Cache of the children's merged reports.
     subtree: OnceCell<Subtree>,
 }
@@ -155,7 +155,7 @@ impl LinkTable {
         body: Bytes,
         now: Timestamp,
     ) -> ReceivedReport {
-        let mut link = Link::new(sender.id, now);
+        let mut link = Neighbour::new(sender.id, now);
         link.update_report(frame, self.own, sender, self.drones);
         link.symmetric = link.report.hears_own.unwrap_or(false);
         link.body = body;
@@ -201,7 +201,7 @@ impl LinkTable {
     /// Forgets reports under the leader before.
     pub(super) fn forget_epoch(&mut self) {
         self.subtree.take();
-        self.links.iter_mut().for_each(Link::forget_epoch);
+        self.links.iter_mut().for_each(Neighbour::forget_epoch);
     }
 
     /// Restarts the silence timeout of all neighbours.
@@ -241,7 +241,7 @@ impl LinkTable {
     }
 
     /// Changes whether a neighbour is reachable.
-    pub(super) fn update_link(&mut self, id: NodeId, change: impl FnOnce(&mut Link)) {
+    pub(super) fn update_link(&mut self, id: NodeId, change: impl FnOnce(&mut Neighbour)) {
         if let Some(link) = self.links.get_mut(id) {
             change(link);
         }
@@ -269,7 +269,7 @@ impl LinkTable {
     /// longer; returns whether there were any.
     pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) -> bool {
         let leaf_period = self.leaf_period;
-        let is_alive = |link: &Link| {
+        let is_alive = |link: &Neighbour| {
             let silent_for = now.since(link.heard_at);
             silent_for <= time_to_live
                 || silent_for <= leaf_period * link.quality.lost_heartbeats.into()
@@ -285,23 +285,23 @@ impl LinkTable {
     /// See [`NodeMachine::read_further_ahead`](crate::node::NodeMachine::read_further_ahead).
     pub(super) fn read_ahead(&self, sender: Option<NodeId>) {
         match sender {
-            None => self.iter().for_each(Link::read_ahead),
-            Some(sender) => self.get(sender).into_iter().for_each(Link::read_ahead),
+            None => self.iter().for_each(Neighbour::read_ahead),
+            Some(sender) => self.get(sender).into_iter().for_each(Neighbour::read_ahead),
         }
     }
 
     #[inline]
-    pub(super) fn get(&self, id: NodeId) -> Option<&Link> {
+    pub(super) fn get(&self, id: NodeId) -> Option<&Neighbour> {
         self.links.get(id)
     }
 
-    pub(super) fn iter(&self) -> impl Iterator<Item = &Link> {
+    pub(super) fn iter(&self) -> impl Iterator<Item = &Neighbour> {
         self.links.iter()
     }
 
     /// Reachable neighbours whose parent is this drone.
-    pub(super) fn children(&self) -> impl Iterator<Item = &Link> {
-        let is_child = |link: &&Link| link.is_child_of(self.own) && link.is_reachable();
+    pub(super) fn children(&self) -> impl Iterator<Item = &Neighbour> {
+        let is_child = |link: &&Neighbour| link.is_child_of(self.own) && link.is_reachable();
         self.iter().filter(is_child)
     }
 
@@ -376,7 +376,12 @@ impl LinkTable {
     /// - for its stale time, if it was not heard under the current epoch: a drone that has gone deaf and claims to lead
     ///   must not find followers;
     /// - for longer than it was known before, because a few frames prove little.
-    pub(super) fn is_heard(&self, link: &Link, now: Timestamp, time_to_live: Duration) -> bool {
+    pub(super) fn is_heard(
+        &self,
+        link: &Neighbour,
+        now: Timestamp,
+        time_to_live: Duration,
+    ) -> bool {
         let silent_for = now.since(link.heard_at);
         if silent_for <= self.heartbeat_period {
             return true;
@@ -405,7 +410,7 @@ impl LinkTable {
     }
 
     /// Neighbours that have a route without this drone as next hop.
-    pub(super) fn with_routes(&self) -> impl Iterator<Item = &Link> {
+    pub(super) fn with_routes(&self) -> impl Iterator<Item = &Neighbour> {
         self.iter().filter(|link| link.has_route_past(self.own))
     }
 

@@ -37,7 +37,7 @@ pub use self::config::Config;
 pub use self::durable::Checkpoint;
 
 use self::aggregation::{Aggregation, Forward};
-use self::link::Link;
+use self::link::Neighbour;
 use self::link_table::ReceivedReport;
 use self::members::Members;
 use self::probe::ProbeStep;
@@ -371,7 +371,7 @@ impl Policy for TreePolicy {
         } else {
             self.topology.record_failure(shared, now, to);
             self.transmitter.retransmission.retry(shared, now);
-            let is_unreachable = |link: &Link| !link.is_reachable();
+            let is_unreachable = |link: &Neighbour| !link.is_reachable();
             if Some(to) != self.topology.route.parent()
                 && self.topology.links.get(to).is_some_and(is_unreachable)
             {

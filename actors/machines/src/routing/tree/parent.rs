@@ -14,7 +14,7 @@
 
 use std::time::Duration;
 
-use super::link::Link;
+use super::link::Neighbour;
 use super::link_table::LinkTable;
 use crate::flaw::{self, Flaw};
 use crate::identity::NodeId;
@@ -180,7 +180,7 @@ impl ParentSelection {
     /// Whether the route stays as it is after a frame of `sender` whose own route did not change. It does if the parent
     /// is sound, and the sender is the parent or no better. A neighbour that becomes better without sending is
     /// considered at its next frame.
-    pub(super) fn keeps_route(&self, now: Timestamp, sender: &Link) -> bool {
+    pub(super) fn keeps_route(&self, now: Timestamp, sender: &Neighbour) -> bool {
         self.sound_parent.is_some_and(|parent| {
             let is_cheaper = || {
                 let cost = self.cost_through(sender);
@@ -268,7 +268,7 @@ impl ParentSelection {
     }
 
     /// Cost of the route through a neighbour; `None` if it has no route.
-    fn cost_through(&self, link: &Link) -> Option<u16> {
+    fn cost_through(&self, link: &Neighbour) -> Option<u16> {
         if flaw::has(Flaw::RoutesByHops) {
             return Some(ETX_UNIT.saturating_mul(link.report.hops?.saturating_add(1)));
         }
@@ -280,14 +280,15 @@ impl ParentSelection {
         now: Timestamp,
         context: RouteContext,
         links: &'a LinkTable,
-    ) -> Option<&'a Link> {
-        let is_usable = |link: &Link| link.symmetric && link.has_route_past(self.own);
+    ) -> Option<&'a Neighbour> {
+        let is_usable = |link: &Neighbour| link.symmetric && link.has_route_past(self.own);
         let current = self.routes.parent.and_then(|parent| links.get(parent));
         let is_live =
-            |link: &Link| link.is_reachable() && !link.is_stale(now, self.heartbeat_period);
+            |link: &Neighbour| link.is_reachable() && !link.is_stale(now, self.heartbeat_period);
         let live_parent = current.filter(|link| is_usable(link) && is_live(link));
-        let omits_this_drone = |link: &Link| link.omits_this_drone() && !context.throttles_leaves;
-        let is_feasible = |link: &Link| {
+        let omits_this_drone =
+            |link: &Neighbour| link.omits_this_drone() && !context.throttles_leaves;
+        let is_feasible = |link: &Neighbour| {
             let label = Label {
                 heartbeat: link.route_heartbeat(),
                 cost: link.report.cost,
@@ -306,7 +307,7 @@ impl ParentSelection {
                 && (link.quality.is_proven() || !has_parent || by_hops)
         });
         // Poor links last, then by cost. Neighbours other than the current parent pay the hysteresis.
-        let rate = |link: &'a Link, hysteresis: u16| {
+        let rate = |link: &'a Neighbour, hysteresis: u16| {
             let cost = self.cost_through(link)?;
             let is_poor = link.quality.is_poor() && !by_hops;
             Some(((is_poor, cost.saturating_add(hysteresis), link.id), link))

@@ -7,7 +7,7 @@
 use std::time::Duration;
 
 use super::Config;
-use super::link::Link;
+use super::link::Neighbour;
 use super::link_table::LinkTable;
 use super::quality::{PROBES_MAX, STALE_HEARTBEATS_MAX};
 use crate::identity::NodeId;
@@ -212,7 +212,7 @@ impl ParentProbe {
 /// Whether a drone hears only its parent, apart from neighbours over poor or unproven links. If it drops that parent,
 /// it leaves the swarm and would lead only itself, so it waits longer.
 fn is_isolated_with(parent: NodeId, links: &LinkTable) -> bool {
-    let is_company = |link: &Link| link.quality.is_proven() && !link.quality.is_poor();
+    let is_company = |link: &Neighbour| link.quality.is_proven() && !link.quality.is_poor();
     !links
         .iter()
         .any(|link| link.id != parent && is_company(link))

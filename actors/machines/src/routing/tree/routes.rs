@@ -5,7 +5,7 @@ use std::time::Duration;
 use smallvec::SmallVec;
 
 use super::TreePolicy;
-use super::link::Link;
+use super::link::Neighbour;
 use crate::identity::{NodeId, NodeSet};
 use crate::routing::SharedState;
 use crate::routing::messages::Neighbourhood;
@@ -13,7 +13,7 @@ use crate::time::Timestamp;
 
 impl TreePolicy {
     /// Whether a neighbour is worth a frame: both hear each other, and more than a few frames arrive.
-    fn is_usable(&self, link: &Link, now: Timestamp) -> bool {
+    fn is_usable(&self, link: &Neighbour, now: Timestamp) -> bool {
         let time_to_live = self.topology.config.link_time_to_live;
         link.symmetric
             && link.is_reachable()
@@ -49,7 +49,7 @@ impl Neighbourhood for TreePolicy {
         if route.routes().hops == Some(0) {
             return next;
         }
-        let is_other = |link: &&Link| {
+        let is_other = |link: &&Neighbour| {
             Some(link.id) != route.parent() && link.has_route_past(own) && self.is_usable(link, now)
         };
         let mut others: SmallVec<[(u16, NodeId); 4]> = (self.topology.links.iter())
@@ -81,7 +81,9 @@ impl Neighbourhood for TreePolicy {
         is_delivered: bool,
     ) {
         if is_delivered {
-            self.topology.links.update_link(to, Link::record_delivery);
+            self.topology
+                .links
+                .update_link(to, Neighbour::record_delivery);
         } else {
             self.topology.record_failure(shared, now, to);
         }

@@ -4,7 +4,7 @@ use std::hint::black_box;
 
 use super::Config;
 use super::heartbeat_timer::{Contention, HeartbeatTimer};
-use super::link::{Link, Sender};
+use super::link::{Neighbour, Sender};
 use super::link_table::{LinkTable, ReceivedReport};
 use super::parent::{ParentSelection, RouteContext};
 use super::probe::{ParentProbe, ProbeStep, WatchedRoute};
@@ -83,7 +83,7 @@ impl Topology {
         }
     }
 
-    pub(super) fn parent_link(&self) -> Option<&Link> {
+    pub(super) fn parent_link(&self) -> Option<&Neighbour> {
         self.links.get(self.route.parent()?)
     }
 
@@ -247,13 +247,13 @@ impl Topology {
     /// Number of neighbours at the same distance from the master, which forward an order at the same time.
     pub(super) fn competing_relays(&self) -> usize {
         let hops = self.route.routes().hops;
-        let competes = |link: &&Link| hops.is_some() && link.report.hops == hops;
+        let competes = |link: &&Neighbour| hops.is_some() && link.report.hops == hops;
         self.links.iter().filter(competes).count()
     }
 
     /// Records that a unicast to a neighbour was not delivered.
     pub(super) fn record_failure(&mut self, shared: &mut SharedState, now: Timestamp, id: NodeId) {
-        self.links.update_link(id, Link::record_failure);
+        self.links.update_link(id, Neighbour::record_failure);
         self.update_route(shared, now);
     }
 
@@ -264,7 +264,7 @@ impl Topology {
         now: Timestamp,
         id: NodeId,
     ) {
-        self.links.update_link(id, Link::mark_unreachable);
+        self.links.update_link(id, Neighbour::mark_unreachable);
         self.update_route(shared, now);
     }
 

@@ -3,7 +3,7 @@
 use super::Config;
 use super::aggregation::Aggregation;
 use super::compose::Composer;
-use super::link::Link;
+use super::link::Neighbour;
 use super::recipients::Recipients;
 use super::retransmission::Retransmission;
 use super::topology::Topology;
@@ -115,7 +115,7 @@ impl Transmitter {
             self.send_frame(shared, (reason, None), &recipients, view);
         }
         for to in targets.iter() {
-            let is_in_flight = |link: &Link| link.has_frame_in_flight(view.now);
+            let is_in_flight = |link: &Neighbour| link.has_frame_in_flight(view.now);
             if reason != Reason::Repair || !view.topology.links.get(to).is_some_and(is_in_flight) {
                 self.send_frame(shared, (reason, Some(to)), &recipients, view);
             }
@@ -147,7 +147,7 @@ impl Transmitter {
         let are_heard =
             links().all(|link| view.topology.links.is_heard(link, view.now, time_to_live));
         let is_unsure =
-            |link: &Link| !link.quality.is_good() || link.is_leaf_of(view.topology.config.id);
+            |link: &Neighbour| !link.quality.is_good() || link.is_leaf_of(view.topology.config.id);
         let unicasts_max = if self.has_delivery_reports && links().any(is_unsure) {
             UNICASTS_MAX
         } else {
@@ -253,7 +253,7 @@ impl Transmitter {
         view: &mut View<'_>,
     ) {
         let sequence = shared.sequence();
-        let has_newer = |link: &Link| link.report.sequence > sequence;
+        let has_newer = |link: &Neighbour| link.report.sequence > sequence;
         if view.topology.links.get(neighbour).is_some_and(has_newer) {
             let recipients = Recipients::default();
             self.send_frame(shared, (Reason::Probe, Some(neighbour)), &recipients, view);

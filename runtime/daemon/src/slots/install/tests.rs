@@ -194,7 +194,7 @@ fn slot_that_ends_in_the_middle_leaves_nothing() {
 }
 
 #[test]
-fn slot_that_is_not_signed_costs_no_way_back() {
+fn unsigned_slot_leaves_the_rollback_slot() {
     let bench = Bench::new();
     let id = bench.receive(&bench.slot(&bench.fleet, PROGRAM)).unwrap();
     for goal in [Goal::Try(id.clone()), Goal::Keep] {
@@ -208,7 +208,7 @@ fn slot_that_is_not_signed_costs_no_way_back() {
     let mut altered = bench.slot(&bench.fleet, PROGRAM);
     altered.0.manifest = altered.0.manifest.replace("0.2.0", "0.3.0");
     bench.receive(&altered).unwrap_err();
-    assert_eq!(bench.disk.slots().unwrap().way_back(), Some(&id));
+    assert_eq!(bench.disk.slots().unwrap().rollback_slot(), Some(&id));
 }
 
 /// Why this program is refused as a new musterd, and after which time.

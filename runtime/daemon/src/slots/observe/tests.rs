@@ -64,7 +64,7 @@ fn health_follows_from_service_and_answer() {
 }
 
 #[test]
-fn flight_is_over_only_if_the_journal_says_so() {
+fn flight_is_over_only_by_the_journal() {
     let ends = [
         ["inactive", "success", "0", "1"],
         ["failed", "exit-code", "2", "1"],
@@ -101,7 +101,7 @@ fn process_that_did_not_start_since_the_switch_proves_nothing() {
 }
 
 #[test]
-fn drone_that_runs_without_an_answer_is_in_flight_unless_its_journal_says_that_it_is_not() {
+fn drone_that_does_not_answer_is_in_flight_unless_its_journal_excludes_it() {
     for (state, flight, expected) in [
         ("active", Flight::Ongoing, true),
         ("activating", Flight::Ongoing, true),

@@ -266,7 +266,7 @@ fn nothing_is_tried_or_taken_back_while_a_drone_is_in_flight() {
         "{refused}"
     );
     bench.assert_runs("b");
-    assert!(bench.host.disk.slots().unwrap().way_back().is_some());
+    assert!(bench.host.disk.slots().unwrap().rollback_slot().is_some());
 }
 
 #[test]

@@ -55,7 +55,7 @@ class Panel {
       if (epoch < 0) return { epoch, text: `${count} without a leader yet`, lead: false };
       return { epoch, text: `${count} still follow drone ${this.record.epochs[epoch].master}`, lead: false };
     });
-    if (lines.length === 0) lines.push({ epoch: -1, text: "nobody flies any more", lead: false });
+    if (lines.length === 0) lines.push({ epoch: -1, text: "no drone flies any more", lead: false });
     const key = JSON.stringify(lines);
     if (key === this.shown.leaders) return;
     this.shown.leaders = key;

@@ -71,7 +71,7 @@ fn record_has_the_fault_the_death_the_election_and_the_new_leaders_at_their_time
 }
 
 #[test]
-fn dead_drone_comes_down_where_it_was_and_nobody_has_links_to_it() {
+fn dead_drone_comes_down_where_it_was_and_has_no_links() {
     let run = flown("kill-at-waypoint.toml");
     let died_s = run.0.elections[0].at_s;
     let record = record(&run);

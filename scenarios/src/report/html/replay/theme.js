@@ -18,7 +18,7 @@ class Theme {
     const style = getComputedStyle(this.element);
     const colour = (name) => style.getPropertyValue(name).trim();
     this.colours = {};
-    const names = ["--ink", "--soft", "--line", "--grid", "--ground", "--card", "--accent", "--good", "--bad", "--pin", "--fault", "--vote", "--part", "--nobody"];
+    const names = ["--ink", "--soft", "--line", "--grid", "--ground", "--card", "--accent", "--good", "--bad", "--pin", "--fault", "--vote", "--part", "--no-leader"];
     for (const name of names) this.colours[name] = colour(name);
     this.epochs = Array.from({ length: EPOCH_COLOURS }, (_, index) => colour(`--epoch-${index}`));
   }
@@ -28,7 +28,7 @@ class Theme {
   }
 
   epoch(index) {
-    return index < 0 ? this.colours["--nobody"] : this.epochs[index % EPOCH_COLOURS];
+    return index < 0 ? this.colours["--no-leader"] : this.epochs[index % EPOCH_COLOURS];
   }
 
   kind(kind) {

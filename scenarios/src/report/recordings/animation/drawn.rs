@@ -108,7 +108,7 @@ impl<'a> DrawnDrone<'a> {
     fn colour(&self, at: Timestamp) -> String {
         match self.epoch(at) {
             Some(index) if !self.has_landed(at) => format!("e{}", (self.first_epoch + index) % 8),
-            _ => "nobody".to_owned(),
+            _ => "no-leader".to_owned(),
         }
     }
 

@@ -24,7 +24,7 @@ fn neighbour_is_unreachable_at_failure_odds_of_one_in_a_thousand() {
         near.receive_well(2, &hearing(sixteenths));
         let mut failed_deliveries = 0;
         while near.links.get(NodeId(2)).unwrap().is_reachable() {
-            near.links.update_link(NodeId(2), Link::record_failure);
+            near.links.update_link(NodeId(2), Neighbour::record_failure);
             failed_deliveries += 1;
         }
         assert_eq!(failed_deliveries, times, "{sixteenths}/16 received");
@@ -45,7 +45,7 @@ fn lossless_neighbour_without_failures_or_requests_is_trusted() {
     assert!(!is_trusted(15, |_| ()));
     assert!(!is_trusted(16, |near| near.links.record_request(NodeId(2))));
     let give_up = |near: &mut Neighbourhood| {
-        near.links.update_link(NodeId(2), Link::record_failure);
+        near.links.update_link(NodeId(2), Neighbour::record_failure);
     };
     assert!(!is_trusted(16, give_up));
 }

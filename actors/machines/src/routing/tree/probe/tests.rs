@@ -329,7 +329,7 @@ fn dropped_parent_is_asked_until_master_is_silent() {
 }
 
 #[test]
-fn drone_that_drops_its_only_neighbour_waits_longer() {
+fn drone_that_lost_its_only_neighbour_probes_longer_before_it_misses_the_master() {
     let mut child = Child::alone(1);
     child.receive_parent(250, |_| false);
     let stale_at = child.near.now;

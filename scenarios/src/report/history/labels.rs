@@ -25,7 +25,7 @@ pub(super) fn ids(ids: impl Iterator<Item = u32>) -> String {
 pub(super) fn masters(elected: impl Iterator<Item = u32>) -> String {
     let names = ids(elected);
     if names.is_empty() {
-        return "nobody".to_owned();
+        return "no drone".to_owned();
     }
     let plural = if names.contains([',', '–']) {
         "s"
@@ -40,7 +40,10 @@ pub(super) fn fault(fault: &Fault, target: Option<u32>) -> String {
     let mut text = match &fault.kind {
         FaultKind::Drone(_, what) => match target {
             Some(id) => format!("fault: {}, drone {id}", of_drone(what, &fault.kind)),
-            None => format!("fault: {}, but nobody leads", of_drone(what, &fault.kind)),
+            None => format!(
+                "fault: {}, but there is no leader",
+                of_drone(what, &fault.kind)
+            ),
         },
         FaultKind::Links(links, what) => format!("fault: {}", of_links(links, *what)),
         FaultKind::Jam { centre, radius_m } => format!(

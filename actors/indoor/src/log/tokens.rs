@@ -1,15 +1,15 @@
-//! Words of a line, and what is wrong with them.
+//! Tokens of a line, and what is wrong with them.
 
 use crate::refusal::Refusal;
 
 /// The rest of a line of a text.
 #[derive(Clone, Copy)]
-pub(super) struct Words<'a> {
+pub(super) struct Tokens<'a> {
     text: &'a str,
     rest: &'a str,
 }
 
-impl<'a> Words<'a> {
+impl<'a> Tokens<'a> {
     /// The words of `line`, which is part of `text`.
     pub(super) fn new(text: &'a str, line: &'a str) -> Self {
         Self { text, rest: line }

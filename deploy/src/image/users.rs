@@ -18,7 +18,7 @@ const FILES: [(&str, bool); 6] = [
     ("etc/subgid", true),
 ];
 
-/// Changes of the accounts. None if the operator is there already.
+/// Changes of the users. None if the operator is there already.
 pub(super) fn edits(root: &Path, card: &Card) -> Result<Vec<Edit>, BadInput> {
     let passwd = root.join("etc/passwd");
     let users = read_text(&passwd)?;

@@ -153,7 +153,7 @@ mod tests {
     }
 
     #[test]
-    fn wrong_types_are_told_without_names_of_types() {
+    fn error_about_a_wrong_type_names_no_rust_type() {
         for (text, expected) in [
             (
                 "speed = \"fast\"",

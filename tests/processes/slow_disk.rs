@@ -1,0 +1,40 @@
+//! Processes whose disk is slow.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use super::fleet::{Fleet, MASTER, Process};
+
+/// Builds the library that makes a process's syncs slow. Returns its path.
+fn slow_syncs(folder: &Path) -> PathBuf {
+    let library = folder.join("disturb.so");
+    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/processes/disturb.c");
+    let mut compiler = Command::new("cc");
+    compiler.args(["-shared", "-fPIC", "-o"]).arg(&library);
+    assert!(compiler.arg(source).status().unwrap().success());
+    library
+}
+
+#[test]
+fn syncs_that_take_half_a_second_more_delay_no_step_by_20_ms() {
+    let fleet = Fleet::new();
+    let (library, syncs) = (slow_syncs(&fleet.path("")), fleet.path("syncs"));
+    fs::write(&syncs, "").unwrap();
+    let start = |id| {
+        let mut command = fleet.command(id);
+        command.args((id == MASTER).then_some("--fly"));
+        command.env("LD_PRELOAD", &library).env("SLOW_SYNC", &syncs);
+        Process::start(id, command)
+    };
+    let mut drones: Vec<_> = (0..5).map(start).collect();
+    for (id, drone) in drones.iter_mut().enumerate() {
+        assert_eq!(drone.end(), Some(0), "drone {id}");
+    }
+    assert!(fs::metadata(&syncs).unwrap().len() > 5, "no sync was slow");
+    for drone in &drones {
+        let counted = drone.log.iter().rfind(|line| line["message"] == "counted");
+        let late_ms = counted.unwrap()["late_ms_max"].as_f64().unwrap();
+        assert!(late_ms > 0.0 && late_ms <= 20.0, "{late_ms} ms");
+    }
+}
