@@ -290,7 +290,11 @@ for_s = 0.1
     let (report, file) = fly_with(&pilot, faults);
     assert!(file.contains("receiver = \"override\""));
     let drones = report["drones"].as_array().unwrap();
-    let states = drones.iter().map(|it| it["state"].as_str().unwrap());
-    let states: Vec<_> = states.collect();
-    assert_eq!(states, ["landed", "finished", "landed"]);
+    let causes: Vec<_> = drones.iter().map(|it| &it["landed_because"]).collect();
+    let expected = [
+        json!("its battery was critically low"),
+        Value::Null,
+        json!("its pilot took it over"),
+    ];
+    assert_eq!(causes, expected.iter().collect::<Vec<_>>());
 }
