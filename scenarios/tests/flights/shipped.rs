@@ -155,7 +155,7 @@ pub(crate) fn swarm_takes_off_without_a_dead_drone() {
 
 #[test]
 pub(crate) fn forty_drones_have_forty_slots() {
-    let layout = scenario("big-matrix.toml", &[]).plan.layout;
+    let layout = scenario("big-matrix.toml", &[]).plan.layout.clone();
     assert_eq!(layout.take_off_waves(), 1, "big-matrix: waves to take off");
     let report = flown("big-matrix");
     assert_flown("big-matrix", &report, &[]);
