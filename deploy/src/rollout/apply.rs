@@ -11,11 +11,11 @@ use muster_daemon::slots::{DroneHealth, HostFacts};
 use serde::Serialize;
 
 use super::desired::Desired;
-use super::look::{look_at, named, of_host, on_all};
+use super::look::{Found, look_at, named, of_hosts, on_all};
 use super::plan::{HostPlan, Place, Work, waits_for};
 use super::session::{Session, SessionError};
 use super::waves::{Action, Event, HostState, Rollout, Sight};
-use super::worker::{self, Job, Report, Worker, is_well};
+use super::worker::{self, Job, Report, Worker, complaint};
 use crate::hosts::Fleet;
 use crate::release::Release;
 
@@ -175,18 +175,10 @@ struct Applying<'a> {
 }
 
 impl<'a> Applying<'a> {
-    fn new(
-        request: &'a ApplyRequest<'a>,
-        found: Vec<Result<(String, HostFacts), SessionError>>,
-        jobs: Vec<Sender<Job>>,
-    ) -> Self {
-        let facts: Vec<_> = found
-            .iter()
-            .map(|it| it.as_ref().ok().map(|it| it.1.clone()))
-            .collect();
-        let found = found.into_iter().zip(request.desired);
-        let plans = found.map(|(found, desired)| of_host(desired, request.release, found));
-        let plans: Vec<_> = plans.collect();
+    fn new(request: &'a ApplyRequest<'a>, found: Vec<Found>, jobs: Vec<Sender<Job>>) -> Self {
+        let plans = of_hosts(request.fleet, request.release, request.desired, &found);
+        let facts = found.into_iter().map(|it| it.ok().map(|it| it.1));
+        let facts: Vec<_> = facts.collect();
         let states = plans.iter().map(|plan| match &plan.work {
             Work::Blocked { why } => HostState::Blocked(why.clone()),
             Work::None => HostState::Unchanged,
@@ -417,20 +409,6 @@ fn with_names(why: &str, names: &[&String]) -> String {
 /// How often systemd has started a host's drones again.
 fn restarts(facts: &HostFacts) -> u32 {
     facts.drones.values().map(|drone| drone.restarts).sum()
-}
-
-/// What is wrong with a host, in words.
-fn complaint(facts: &HostFacts) -> Option<String> {
-    if is_well(facts) {
-        return None;
-    }
-    let mut drones = facts.drones.iter();
-    drones.find_map(|(id, drone)| match &drone.health {
-        DroneHealth::Healthy { .. } | DroneHealth::FlightOver => None,
-        DroneHealth::Starting(words) | DroneHealth::Unhealthy(words) | DroneHealth::Dead(words) => {
-            Some(format!("drone {id}: {words}"))
-        }
-    })
 }
 
 fn outcome(state: &HostState) -> (HostOutcome, Option<String>) {

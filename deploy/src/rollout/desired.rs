@@ -13,7 +13,7 @@ use muster_runtime::identity::{DroneKey, ReleaseFile, Roster, hex, is_plain};
 use muster_scenarios::scenario;
 
 use crate::drone_file::{DroneFile, Keys, LogFormat, Network, Observe};
-use crate::hosts::{Fleet, FleetHost};
+use crate::hosts::{Fleet, FleetHost, Reach};
 use crate::release::Release;
 
 /// Port of drone 0's status on its host; the others use the following ports.
@@ -62,11 +62,25 @@ pub fn desired(fleet: &Fleet, release: &Release) -> Result<Vec<Desired>, BadInpu
                 drones: status.collect(),
                 peers: BTreeSet::new(),
                 gate: fleet.gate,
+                network: Some(network_in_words(fleet)),
             },
             configuration,
         });
     }
     Ok(all)
+}
+
+/// How drones of a fleet reach each other. Addresses of peers are left out: hosts whose lists differ may hear each other.
+fn network_in_words(fleet: &Fleet) -> String {
+    let transport = match fleet.transport {
+        TransportName::Udp => "udp",
+        TransportName::Quic => "quic",
+    };
+    match fleet.network.reach {
+        Reach::Group(group) => format!("{transport} to {group}"),
+        Reach::Broadcast(all) => format!("{transport} to {all}"),
+        Reach::Peers => format!("{transport} to each address"),
+    }
 }
 
 /// Files that all drones have.

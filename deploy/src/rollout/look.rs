@@ -1,12 +1,15 @@
 //! Looks at all hosts of a fleet at once, and plans what a rollout would change.
 
+use std::thread;
+use std::time::Instant;
+
 use muster_daemon::audit::Finding;
 use muster_daemon::slots::HostFacts;
 use muster_daemon::slots::protocol::{SlotOrder, SlotReply};
 use serde::Serialize;
 
 use super::desired::Desired;
-use super::plan::HostPlan;
+use super::plan::{HostPlan, Work, deaf_to};
 use super::session::{Session, SessionError};
 use super::worker;
 use crate::hosts::{Fleet, FleetHost};
@@ -78,28 +81,50 @@ pub struct Planned {
 /// Plans a rollout. Nothing is changed on any host.
 #[must_use]
 pub fn plan(fleet: &Fleet, release: &Release, desired: &[Desired]) -> Vec<Planned> {
-    let plans = on_all(fleet, |nth, host| {
-        let facts = worker::open(&host.run, release).and_then(|mut session| {
-            let facts = look_at(&mut session)?;
-            Ok((session.processor.clone(), facts))
-        });
-        of_host(&desired[nth], release, facts)
+    let found = on_all(fleet, |_, host| {
+        let mut session = worker::open(&host.run, release)?;
+        let facts = look_at(&mut session)?;
+        Ok((session.processor.clone(), facts))
     });
-    named(fleet, plans)
+    named(fleet, of_hosts(fleet, release, desired, &found))
 }
 
-/// The plan for a host from what it says.
-pub(super) fn of_host(
-    desired: &Desired,
+/// A host's processor and what it says of itself.
+pub(super) type Found = Result<(String, HostFacts), SessionError>;
+
+/// The plans for all hosts from what they say.
+pub(super) fn of_hosts(
+    fleet: &Fleet,
     release: &Release,
-    found: Result<(String, HostFacts), SessionError>,
-) -> HostPlan {
+    desired: &[Desired],
+    found: &[Found],
+) -> Vec<HostPlan> {
+    let hosts = desired.iter().zip(found);
+    let mut plans: Vec<_> = hosts
+        .map(|(desired, found)| of_host(desired, release, found))
+        .collect();
+    let names = fleet.hosts.iter().map(|host| host.name.as_str());
+    let seen = names.zip(found.iter().map(|it| it.as_ref().ok().map(|it| &it.1)));
+    let seen: Vec<_> = seen.collect();
+    for (nth, plan) in plans.iter_mut().enumerate() {
+        let others = seen.iter().enumerate().filter(|(other, _)| *other != nth);
+        let others = others.filter_map(|(_, (name, facts))| Some((*name, (*facts)?)));
+        if plan.changes()
+            && let Some(why) = deaf_to(&desired[nth].facts, others)
+        {
+            plan.work = Work::Blocked { why };
+        }
+    }
+    plans
+}
+
+fn of_host(desired: &Desired, release: &Release, found: &Found) -> HostPlan {
     let (processor, facts) = match found {
         Ok(found) => found,
         Err(error) => return HostPlan::blocked(error.to_string()),
     };
-    match desired.slot(release, &processor, Default::default()) {
-        Ok((_, contents)) => HostPlan::new(desired, &facts, contents.len() as u64),
+    match desired.slot(release, processor, Default::default()) {
+        Ok((_, contents)) => HostPlan::new(desired, facts, contents.len() as u64),
         Err(error) => HostPlan::blocked(error.to_string()),
     }
 }
@@ -123,7 +148,7 @@ pub(super) fn named(fleet: &Fleet, plans: Vec<HostPlan>) -> Vec<Planned> {
 }
 
 /// Runs the release before the current one on the named hosts; on all if none is named. Hosts with drones in flight are left
-/// alone. Returns the hosts with what became of them.
+/// alone. Waits until the drones are healthy. Returns the hosts with the slots that they run, or what went wrong.
 #[must_use]
 pub fn roll_back(
     fleet: &Fleet,
@@ -152,7 +177,18 @@ fn roll_back_host(host: &FleetHost, operator: &str) -> Result<String, SessionErr
         ));
     };
     session.ask(&SlotOrder::RollBack)?;
-    Ok(to)
+    let start = Instant::now();
+    loop {
+        let facts = look_at(&mut session)?;
+        match worker::complaint(&facts) {
+            None => return Ok(to),
+            Some(why) if start.elapsed() > worker::BACK_MAX => {
+                let why = format!("runs {to}, which is not healthy: {why}");
+                return Err(SessionError::Refused(why));
+            }
+            Some(_) => thread::sleep(worker::PERIOD),
+        }
+    }
 }
 
 /// Audits all hosts in parallel. With `fixes`, sets what can be set, and lets it be undone after a minute unless another session

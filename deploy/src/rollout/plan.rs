@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use muster_daemon::slots::HostFacts;
+use muster_daemon::slots::{DroneHealth, HostFacts, SlotFacts};
 use serde::Serialize;
 
 use super::desired::Desired;
@@ -100,8 +100,7 @@ fn notes(desired: &Desired, found: &HostFacts, work: &Work) -> Vec<String> {
         return notes;
     };
     let is_changed = !matches!(work, Work::None | Work::Blocked { .. });
-    let common = |ours: &[u8], theirs: &[u8]| ours.iter().any(|it| theirs.contains(it));
-    if is_changed && !common(&desired.facts.wire, &current.wire) {
+    if is_changed && !have_common(&desired.facts.wire, &current.wire) {
         let version = &desired.facts.version;
         let message = format!(
             "{version} and {} have no frames in common: drones of both don't fly together",
@@ -109,12 +108,45 @@ fn notes(desired: &Desired, found: &HostFacts, work: &Work) -> Vec<String> {
         );
         notes.push(message);
     }
-    if is_changed && !common(&desired.facts.journal, &current.journal) {
+    if is_changed && !have_common(&desired.facts.journal, &current.journal) {
         let message =
             "the new release does not read this journal: raise `flight` in the fleet's file";
         notes.push(message.to_owned());
     }
     notes
+}
+
+fn have_common(ours: &[u8], theirs: &[u8]) -> bool {
+    ours.iter().any(|it| theirs.contains(it))
+}
+
+/// Why drones of a slot would not hear healthy drones of other hosts, to which they must prove themselves. `None` if they would.
+pub(super) fn deaf_to<'a>(
+    wanted: &SlotFacts,
+    others: impl Iterator<Item = (&'a str, &'a HostFacts)>,
+) -> Option<String> {
+    let mut unheard = Vec::new();
+    let mut has = String::new();
+    for (name, facts) in others {
+        let mut healths = facts.drones.values().map(|drone| &drone.health);
+        let is_peer = healths.any(|it| matches!(it, DroneHealth::Healthy { .. }));
+        let Some(current) = facts.current.as_ref().filter(|_| is_peer) else {
+            continue;
+        };
+        let difference = match (&wanted.network, &current.network) {
+            (Some(ours), Some(theirs)) if ours != theirs => format!("{theirs} there, {ours} here"),
+            _ if !have_common(&wanted.wire, &current.wire) => "no frames in common".to_owned(),
+            _ => continue,
+        };
+        unheard.push(name);
+        has = difference;
+    }
+    let names = unheard.join(", ");
+    (!unheard.is_empty()).then(|| {
+        format!(
+            "would not hear the drones of {names} ({has}): this can't come in waves; stop those drones first"
+        )
+    })
 }
 
 /// A host and its drones.
@@ -148,7 +180,78 @@ pub(super) fn waits_for(places: &[Place<'_>]) -> Vec<BTreeMap<usize, String>> {
 
 #[cfg(test)]
 mod tests {
+    use muster_daemon::slots::{DroneFacts, GateLimits};
+
     use super::*;
+
+    fn slot(network: Option<&str>, wire: &[u8]) -> SlotFacts {
+        SlotFacts {
+            version: "0.1.0".to_owned(),
+            release: String::new(),
+            configuration: String::new(),
+            wire: wire.to_vec(),
+            journal: vec![1],
+            drones: BTreeMap::new(),
+            peers: BTreeSet::new(),
+            gate: GateLimits {
+                within_s: 60,
+                hold_s: 10,
+            },
+            network: network.map(str::to_owned),
+        }
+    }
+
+    fn host(slot: SlotFacts, health: DroneHealth) -> HostFacts {
+        let drone = DroneFacts {
+            health,
+            in_flight: false,
+            version: None,
+            dropped: 0,
+            restarts: 0,
+        };
+        HostFacts {
+            current: Some(slot),
+            good: None,
+            way_back: None,
+            is_on_trial: false,
+            good_for_s: None,
+            failure: None,
+            drones: BTreeMap::from([(0, drone)]),
+            free_bytes: 0,
+        }
+    }
+
+    fn healthy() -> DroneHealth {
+        let proven = BTreeSet::new();
+        DroneHealth::Healthy { proven }
+    }
+
+    fn why(wanted: &SlotFacts, other: &HostFacts) -> Option<String> {
+        deaf_to(wanted, [("pi1", other)].into_iter())
+    }
+
+    #[test]
+    fn another_transport_is_refused_while_others_are_healthy() {
+        let quic = slot(Some("quic to 239.77.0.1:4700"), &[1]);
+        let udp = || slot(Some("udp to 239.77.0.1:4700"), &[1]);
+        let expected = "would not hear the drones of pi1 (udp to 239.77.0.1:4700 there, quic to 239.77.0.1:4700 here): this \
+                        can't come in waves; stop those drones first";
+        assert_eq!(why(&quic, &host(udp(), healthy())).unwrap(), expected);
+        let stopped = DroneHealth::Dead("its process ended with exit code 0".to_owned());
+        assert_eq!(why(&quic, &host(udp(), stopped)), None);
+        assert_eq!(why(&udp(), &host(udp(), healthy())), None);
+        let unknown = host(slot(None, &[1]), healthy());
+        assert_eq!(why(&quic, &unknown), None, "an older program wrote it");
+    }
+
+    #[test]
+    fn frames_that_no_healthy_drone_reads_are_refused() {
+        let new = slot(None, &[2, 3]);
+        let before = host(slot(None, &[1]), healthy());
+        assert!(why(&new, &before).unwrap().contains("no frames in common"));
+        let between = host(slot(None, &[1, 2]), healthy());
+        assert_eq!(why(&new, &between), None);
+    }
 
     #[test]
     fn host_that_gets_a_drone_waits_for_the_one_that_loses_it() {

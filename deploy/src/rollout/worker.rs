@@ -13,11 +13,11 @@ use super::session::{Session, SessionError};
 use crate::release::Release;
 
 /// Time between two looks at a host.
-const PERIOD: Duration = Duration::from_millis(500);
+pub(super) const PERIOD: Duration = Duration::from_millis(500);
 /// Time for a host to come back after its connection was lost: a restart of a Raspberry Pi takes half of it.
 const AWAY_MAX: Duration = Duration::from_secs(90);
 /// Time for the release before to be healthy again.
-const BACK_MAX: Duration = Duration::from_secs(30);
+pub(super) const BACK_MAX: Duration = Duration::from_secs(30);
 
 /// What a host is asked for.
 #[derive(Debug)]
@@ -202,6 +202,10 @@ impl Worker<'_> {
         // The host went back by itself; the release before is healthy again before this is said.
         self.report(Report::Phase("goes back"));
         let back = self.look_until(BACK_MAX, is_well)?;
+        if back.good.as_ref() == Some(slot) {
+            // A busy host has judged late.
+            return Ok(Report::Changed(back));
+        }
         let is_back = is_well(&back) || back.current.is_none();
         self.report(Report::Facts(back));
         if !is_back {
@@ -247,6 +251,20 @@ pub(super) fn is_well(facts: &HostFacts) -> bool {
         )
     };
     !facts.is_on_trial && facts.drones.values().all(|drone| is_well(&drone.health))
+}
+
+/// What is wrong with a host, in words. `None` if it is well.
+pub(super) fn complaint(facts: &HostFacts) -> Option<String> {
+    if is_well(facts) {
+        return None;
+    }
+    let mut drones = facts.drones.iter();
+    drones.find_map(|(id, drone)| match &drone.health {
+        DroneHealth::Healthy { .. } | DroneHealth::FlightOver => None,
+        DroneHealth::Starting(words) | DroneHealth::Unhealthy(words) | DroneHealth::Dead(words) => {
+            Some(format!("drone {id}: {words}"))
+        }
+    })
 }
 
 /// Opens a session; a host without a release gets the program of this one.

@@ -111,7 +111,8 @@ pub(super) fn operator() -> String {
 
 /// Run the release before the current one again.
 ///
-/// Hosts with drones that are armed or take part in a flight are left alone.
+/// Hosts with drones that are armed or take part in a flight are left alone. The others go back all at once, and are waited for
+/// until their drones are healthy.
 #[derive(Debug, Args)]
 pub(super) struct RollbackArguments {
     /// Hosts file of the fleet.
@@ -120,6 +121,9 @@ pub(super) struct RollbackArguments {
     /// Names of the hosts [default: all]
     #[arg(value_name = "HOST")]
     hosts: Vec<String>,
+    /// Print one JSON object instead of lines.
+    #[arg(long)]
+    json: bool,
 }
 
 pub(super) fn roll_back(arguments: &RollbackArguments) -> Result<Outcome, Failure> {
@@ -128,18 +132,22 @@ pub(super) fn roll_back(arguments: &RollbackArguments) -> Result<Outcome, Failur
         fleet.host(&arguments.fleet, name)?;
     }
     let rolled = rollout::roll_back(&fleet, &arguments.hosts, &operator());
-    let mut failed = 0;
-    for (name, result) in &rolled {
-        let line = match result {
-            Ok(slot) => format!("{name}: runs {slot}\n"),
-            Err(error) => {
-                failed += 1;
-                format!("{name}: not rolled back: {error}\n")
-            }
-        };
-        terminal::print(&line)?;
+    if arguments.json {
+        let hosts = rolled.iter().map(|(name, result)| match result {
+            Ok(slot) => json!({ "name": name, "slot": slot }),
+            Err(error) => json!({ "name": name, "error": error.to_string() }),
+        });
+        print_json(&json!({ "hosts": hosts.collect::<Vec<_>>() }))?;
+    } else {
+        for (name, result) in &rolled {
+            let line = match result {
+                Ok(slot) => format!("{name}: runs {slot}\n"),
+                Err(error) => format!("{name}: not rolled back: {error}\n"),
+            };
+            terminal::print(&line)?;
+        }
     }
-    match failed {
+    match rolled.iter().filter(|(_, result)| result.is_err()).count() {
         0 => Ok(Outcome::Success),
         failed => Err(DeployFailure::NotRolledBack(failed, rolled.len()).into()),
     }

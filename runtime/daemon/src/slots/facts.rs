@@ -27,6 +27,10 @@ pub struct SlotFacts {
     pub peers: BTreeSet<u32>,
     /// Limits of its trial.
     pub gate: GateLimits,
+    /// How its drones reach each other, in words: those of another network don't hear them. `None` if an older program wrote
+    /// the slot.
+    #[serde(default)]
+    pub network: Option<String>,
 }
 
 impl SlotFacts {

@@ -66,6 +66,7 @@ impl Bench {
                     within_s: 60,
                     hold_s: 10,
                 },
+                network: None,
             },
             manifest: fleet.sign_release(&manifest),
             files: files

@@ -66,6 +66,7 @@ impl Bench {
                 within_s: 1,
                 hold_s: 0,
             },
+            network: None,
         };
         fs::write(
             incoming.join("slot.json"),
