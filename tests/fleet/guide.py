@@ -73,6 +73,8 @@ def stock(debian, folder):
 class Pi(Host):
     """A host that starts from a card."""
 
+    interface = "wlan0"
+
     def mount_root(self):
         card = self.lab.folder / f"card-{self.number}"
         self.boot().mkdir()

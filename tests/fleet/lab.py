@@ -14,7 +14,7 @@ CGROUPS = [pathlib.Path("/sys/fs/cgroup/systemd"), pathlib.Path("/sys/fs/cgroup/
 
 
 def run(*words, check=True, **more):
-    return subprocess.run(words, check=check, text=True, capture_output=True, **more)
+    return subprocess.run(words, **{"check": check, "text": True, "capture_output": True} | more)
 
 
 def wait_until(what, condition, limit_s=60.0):
@@ -35,6 +35,8 @@ def show(what, start=None, **figures):
 class Host:
     """A host: a network namespace, a root file system of its own, and systemd as its first process."""
 
+    interface = "eth0"
+
     def __init__(self, lab, number):
         self.lab, self.number, self.name = lab, number, NAMES[number]
         self.address = f"10.0.0.{10 + number}"
@@ -52,7 +54,7 @@ class Host:
         for key in self.root.glob("etc/ssh/ssh_host_*"):
             key.unlink()
         run("ssh-keygen", "-A", "-f", str(self.root))
-        self.lab.add_host(f"fleet-{self.name}", f"p{self.number}", self.address)
+        self.lab.add_host(f"fleet-{self.name}", f"p{self.number}", self.address, self.interface)
         public = (self.root / "etc/ssh/ssh_host_ed25519_key.pub").read_text()
         with (self.lab.folder / "known_hosts").open("a") as known:
             known.write(f"{self.address} {public}")
@@ -202,18 +204,20 @@ class Lab:
             wait_until(f"{host.name} is up", host.is_up)
         return self
 
-    def add_host(self, namespace, port, address):
+    def add_host(self, namespace, port, address, interface="eth0"):
         run("ip", "netns", "del", namespace, check=False)
         run("ip", "netns", "add", namespace)
         for command in [
-            f"ip link add eth0 netns {namespace} type veth peer name {port} netns fleet-sw",
+            f"ip link add {interface} netns {namespace} type veth peer name {port} netns fleet-sw",
             f"ip -n fleet-sw link set {port} master br0 up",
-            f"ip -n {namespace} addr add {address}/24 brd + dev eth0",
-            f"ip -n {namespace} link set eth0 up",
+            f"ip -n {namespace} addr add {address}/24 brd + dev {interface}",
+            f"ip -n {namespace} link set {interface} up",
             f"ip -n {namespace} link set lo up",
-            f"ip -n {namespace} route add 224.0.0.0/4 dev eth0",
         ]:
             run(*command.split())
+        # With a radio, the fleet's file names the interface.
+        if interface == "eth0":
+            run("ip", "-n", namespace, "route", "add", "224.0.0.0/4", "dev", interface)
 
     def on_operator(self, *words, check=True, **more):
         return run("ip", "netns", "exec", "fleet-op", *words, check=check, **more)
