@@ -212,7 +212,7 @@ mod tests {
         HostFacts {
             current: Some(slot),
             good: None,
-            way_back: None,
+            rollback_slot: None,
             is_on_trial: false,
             good_for_s: None,
             failure: None,

@@ -53,7 +53,7 @@ fn campaign_on_hosts_has_the_bytes_of_one_machine_and_outlives_a_host() {
     let run = on_hosts("none");
     assert_eq!(run.status.code(), Some(1));
     assert!(
-        error_text(&run).contains("no host is left, 4 shards are missing"),
+        error_text(&run).contains("all hosts failed, 4 shards are missing"),
         "{}",
         error_text(&run)
     );
