@@ -166,7 +166,7 @@ impl Worker<'_> {
         let slot = self.desired.slot(self.release, &processor, peers.clone());
         let (incoming, contents) = slot.map_err(|error| SessionError::OtherProcessor(error.0))?;
         self.report(Report::Phase("gets the release"));
-        let slot = match self.ask(&SlotOrder::Install(incoming), contents)? {
+        let slot = match self.ask(&SlotOrder::Install(Box::new(incoming)), contents)? {
             SlotReply::Installed { slot } => slot,
             other => return Err(SessionError::Refused(format!("unexpected reply {other:?}"))),
         };

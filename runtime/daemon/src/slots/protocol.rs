@@ -23,7 +23,7 @@ pub enum SlotOrder {
         operator: String,
     },
     /// Write a slot. The contents of its files follow.
-    Install(Incoming),
+    Install(Box<Incoming>),
     /// Try a slot.
     Try {
         /// Its name.
