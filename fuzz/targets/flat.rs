@@ -11,7 +11,7 @@ pub(crate) fn run(bytes: &[u8]) {
     match Flat::parse(Path::new("flat.toml"), text) {
         Ok(flat) => {
             assert!(flat.people.len() <= PEOPLE_MAX);
-            let mut ways = flat.people.iter().flat_map(|person| &person.way);
+            let mut ways = flat.people.iter().flat_map(|person| &person.path);
             assert!(ways.all(|corner| flat.map.cell(*corner).is_some()));
         }
         Err(error) => assert!(!error.rendered().is_empty()),
