@@ -50,7 +50,7 @@ impl Drop for Load {
 }
 
 /// Builds a library that makes a process's syncs slow, counts them, and can make its main thread hang. Returns its path.
-fn disturb(folder: &Path) -> PathBuf {
+pub(super) fn disturb(folder: &Path) -> PathBuf {
     let library = folder.join("disturb.so");
     let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/processes/disturb.c");
     let mut compiler = Command::new("cc");

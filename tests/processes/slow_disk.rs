@@ -1,27 +1,16 @@
 //! Processes whose disk is slow.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
 
 use super::fleet::{Fleet, MASTER, Process};
-
-/// Builds the library that makes a process's syncs slow. Returns its path.
-fn slow_syncs(folder: &Path) -> PathBuf {
-    let library = folder.join("disturb.so");
-    let source = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/processes/disturb.c");
-    let mut compiler = Command::new("cc");
-    compiler.args(["-shared", "-fPIC", "-o"]).arg(&library);
-    assert!(compiler.arg(source).status().unwrap().success());
-    library
-}
+use super::rc::disturb;
 
 /// Late steps that nobody has explained were seen beside other tests: up to 472 ms.
 #[test]
 #[ignore = "measures 20 ms, on an idle machine"]
 fn syncs_that_take_half_a_second_more_delay_no_step_by_20_ms() {
     let fleet = Fleet::new();
-    let (library, syncs) = (slow_syncs(&fleet.path("")), fleet.path("syncs"));
+    let (library, syncs) = (disturb(&fleet.path("")), fleet.path("syncs"));
     fs::write(&syncs, "").unwrap();
     let start = |id| {
         let mut command = fleet.command(id);

@@ -83,7 +83,8 @@ const STOP_MOTORS: Query = Query {
     ..once::<SetMotor>()
 };
 
-/// What a link asks: who the controller is, that no motor turns, then how it does. Fewer questions a second than the 50 ticks that RC leaves.
+/// What a link asks: who the controller is, that no motor turns, then how it does. Fewer questions a second than the 50 ticks
+/// that RC leaves.
 pub const QUERIES: [Query; 15] = [
     once::<ApiVersion>(),
     once::<FcVariant>(),

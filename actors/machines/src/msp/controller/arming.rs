@@ -10,7 +10,8 @@ use crate::time::Timestamp;
 const LOW_FIRST: Duration = Duration::from_millis(500);
 /// Time after which an arm switch that armed nothing goes low again.
 const GIVE_UP_AFTER: Duration = Duration::from_secs(1);
-/// How often the switch of a controller goes high to arm it. One that never arms is left alone then, however often it is ordered.
+/// How often the switch of a controller goes high to arm it. One that never arms is left alone then, however often it is
+/// ordered.
 const TRIES: u8 = 3;
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
