@@ -65,9 +65,9 @@ impl Seat {
             .map_or(Duration::ZERO, |since| now.since(since))
     }
 
-    /// Sets the timer to the deadline of the actor's last step, or after a pause if that is overdue.
+    /// Sets the timer to the deadline of the actor's last step, to `now` if that was earlier, or after a pause if it is overdue.
     fn set_timer(&mut self, now: Timestamp, output: &StepOutput) {
-        self.deadline = output.deadline;
+        self.deadline = output.deadline.map(|deadline| deadline.max(now));
         if output.is_overdue {
             self.overdue += 1;
             self.deadline = Some(now + OVERDUE_PAUSE);
@@ -344,9 +344,17 @@ mod tests {
     }
 
     #[test]
-    fn message_may_set_deadline_in_the_past() {
-        let seat = set(5_000, 4_000, false);
-        let passed = Timestamp::from_nanos(4_000_000_000);
-        assert_eq!((seat.deadline, seat.overdue), (Some(passed), 0));
+    fn deadline_that_a_message_sets_in_the_past_is_due_at_once_and_not_late() {
+        let at = |ms: u64| Timestamp::from_nanos(ms * 1_000_000);
+        let output = |deadline_ms| StepOutput {
+            deadline: Some(at(deadline_ms)),
+            ..StepOutput::default()
+        };
+        let mut actors = Actors::new(Duration::from_secs(1));
+        actors.set_timer(at(5_000), Address::Routing, &output(4_000));
+        assert_eq!(actors.deadline(), Some(at(5_000)));
+        actors.fire_timers_with(at(5_001), |_, _| true);
+        actors.set_timer(at(5_003), Address::Routing, &output(6_000));
+        assert_eq!(actors.late_max(), Duration::from_millis(3));
     }
 }
