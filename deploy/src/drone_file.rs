@@ -1,72 +1,28 @@
-//! A drone's file, as `muster swarm` and `muster deploy` write it.
+//! What the drones' files of a fleet or a swarm have in common.
 
 use std::collections::BTreeMap;
-use std::net::{SocketAddr, SocketAddrV4};
-use std::path::Path;
+use std::net::SocketAddr;
+use std::path::PathBuf;
 
-use muster_daemon::config::{ReceiverName, StageName, TransportName};
+use muster_daemon::config::{Keys, Network, Observe};
 use muster_machines::identity::NodeId;
-use serde::Serialize;
 
 use crate::hosts::{Host, Hosts, Reach};
 
-#[derive(Serialize)]
-pub(crate) struct DroneFile<'a> {
-    pub(crate) scenario: &'a Path,
-    pub(crate) id: u32,
-    pub(crate) stage: StageName,
-    pub(crate) vehicle: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) port: Option<String>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) receiver: Option<ReceiverName>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) pose: Option<SocketAddr>,
-    pub(crate) transport: TransportName,
-    pub(crate) journal: String,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) flight: Option<u32>,
-    pub(crate) log: LogFormat,
-    pub(crate) keys: Keys,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) udp: Option<Network>,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) quic: Option<Network>,
-    pub(crate) observe: Option<Observe>,
+/// The keys of a drone, in a folder that has all of them.
+pub(crate) fn keys(folder: &str, drone: &str, grant: Option<PathBuf>) -> Keys {
+    let file = |name: &str| PathBuf::from(folder).join(name);
+    Keys {
+        drone: file(drone).into(),
+        fleet: file("fleet.pub"),
+        roster: file("roster.toml"),
+        revoked: file("revoked.toml"),
+        grant: grant.map(Into::into),
+    }
 }
 
-/// Format of the drones' logs.
-#[derive(Debug, Clone, Copy, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub(crate) enum LogFormat {
-    /// For the starter, which reads reports in it.
-    Json,
-    /// For people.
-    Human,
-}
-
-#[derive(Serialize)]
-pub(crate) struct Keys {
-    pub(crate) drone: String,
-    pub(crate) fleet: &'static str,
-    pub(crate) roster: &'static str,
-    pub(crate) revoked: &'static str,
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub(crate) grant: Option<String>,
-}
-
-#[derive(Serialize)]
-pub(crate) struct Network {
-    pub(crate) bind: Option<SocketAddr>,
-    pub(crate) group: Option<SocketAddrV4>,
-    pub(crate) broadcast: Option<SocketAddrV4>,
-    pub(crate) peers: Option<Vec<SocketAddr>>,
-    pub(crate) interface: Option<String>,
-}
-
-#[derive(Serialize)]
-pub(crate) struct Observe {
-    pub(crate) http: SocketAddr,
+pub(crate) fn observe(http: SocketAddr) -> Observe {
+    Observe { http: http.into() }
 }
 
 impl Hosts {
@@ -79,13 +35,17 @@ impl Hosts {
             let (group, broadcast, peers) = match self.reach {
                 Reach::Group(all) => (Some(all), None, None),
                 Reach::Broadcast(all) => (None, Some(all), None),
-                Reach::Peers => (None, None, Some(others.filter_map(|it| it.1).collect())),
+                Reach::Peers => (
+                    None,
+                    None,
+                    Some(others.filter_map(|it| it.1).collect::<Vec<_>>()),
+                ),
             };
             Network {
-                bind,
-                group,
-                broadcast,
-                peers,
+                bind: bind.map(Into::into),
+                group: group.map(Into::into),
+                broadcast: broadcast.map(Into::into),
+                peers: peers.map(Into::into),
                 interface: host.interface.clone(),
             }
         };

@@ -1,10 +1,13 @@
 """`muster fc` beside the real firmware: arguments PROGRAM (printed by .ci/betaflight) and MUSTER.
 
 A safe configuration breaks no rule; each change of unsafe.toml and of UNSAFE breaks one; what `check` says to set mends the
-defaults; `probe` and `watch` show what the command line shows."""
+defaults; `probe` and `watch` show what the command line, the physics and the receiver's channels are."""
 
 import json
+import math
 import os
+import re
+import struct
 import subprocess
 import sys
 import time
@@ -12,6 +15,7 @@ import tomllib
 
 import firmware
 import msp
+import physics
 
 PATH = firmware.program()
 MUSTER = os.path.abspath(sys.argv[2])
@@ -96,12 +100,12 @@ for base, expected in ("sole", set()), ("override", UNMENDABLE):
     if set(found) != expected:
         fail(found)
 
-changes = [(it["base"], it["cli"], None) for it in tomllib.loads((firmware.HERE / "unsafe.toml").read_text())["unsafe"]]
+changes = [(it["base"], it["cli"], it["rule"]) for it in tomllib.loads((firmware.HERE / "unsafe.toml").read_text())["unsafe"]]
 for base, lines, rule in changes + UNSAFE:
     found = findings_of([*firmware.lines(f"safe-{base}.txt"), *lines], base)
     new = set(found) - UNMENDABLE
     print(f"{' '.join(lines)}: {sorted(new)}", flush=True)
-    if len(new) != 1 or rule not in (None, *new):
+    if new != {rule}:
         fail(f"{lines}: {found}")
 
 for base in "sole", "override":
@@ -116,6 +120,8 @@ for base in "sole", "override":
     if set(found) - UNMENDABLE:
         fail(found)
 
+TILT_DEG = 12
+peer = physics.Peer(held=True, tilt=math.radians(TILT_DEG))
 build = started([*firmware.lines("safe-sole.txt"), "set craft_name = muster"])
 code, out, error = muster("probe", DEVICE, "--json")
 assert code == 0, error
@@ -123,16 +129,34 @@ seen = json.loads(out)
 print("probe:", seen)
 assert (seen["variant"], seen["version"], seen["board"], seen["name"]) == ("BTFL", "4.6.0", "SITL", "muster")
 assert seen["map"] == "AETR1234" and seen["armed"] is False and seen["line"]["loss"] == 0
-status = "".join(build.cli(["status"]))
-told = next(line for line in status.splitlines() if line.startswith("Arming disable flags:"))
-told = set(told.split(":")[1].split()) - {"CLI", "BOOTGRACE", "CALIB", "ARM_SWITCH"}
-assert told <= set(seen["arming_disabled"]), (told, seen["arming_disabled"])
+
+
+def command_line():
+    """What the command line's `status` shows: volts, the battery's state, reasons not to arm but those of looking at it."""
+    status = "".join(build.cli(["status"]))
+    print(status)
+    volts, battery = re.search(r"Voltage: (\d+) \* 0\.01V \(\d+S battery - ([A-Z ]+)\)", status).groups()
+    arming = re.search(r"Arming disable flags: *(.*)", status).group(1).split()
+    return int(volts) / 100, battery, set(arming) - {"CLI", "BOOTGRACE", "CALIB", "ARM_SWITCH", "MSP"}
+
+
+volts, battery, arming = command_line()
+assert arming <= set(seen["arming_disabled"]), (arming, seen["arming_disabled"])
 time.sleep(0.5)
 code, out, error = muster("watch", DEVICE, "--json", "--seconds", "4")
 assert code == 0, error
 rows = [json.loads(line) for line in out.splitlines()]
-print("watch:", rows[-1])
-assert len(rows) == 4 and rows[-1]["state"] == "open" and rows[-1]["loss"] == 0
-assert rows[-1]["frames_per_second"] > 20
+last = rows[-1]
+print("watch:", last)
+assert len(rows) == 4 and last["state"] == "open" and last["loss"] == 0
+assert last["frames_per_second"] > 20
+assert last["voltage_v"] == volts and last["battery"].upper() == battery, (last, volts, battery)
+assert arming <= set(last["arming_disabled"]), (arming, last["arming_disabled"])
+assert abs(last["roll_deg"] - TILT_DEG) < 0.5 and abs(last["pitch_deg"]) < 0.5, last
+link = msp.Link()
+channels = struct.unpack("<18H", link.request(msp.RC)[1])
+link.close()
+rc = last["rc_us"]
+assert [rc[name] for name in ("roll", "pitch", "yaw", "throttle")] + rc["aux"] == list(channels), (rc, channels)
 build.stop()
 print("all as expected")

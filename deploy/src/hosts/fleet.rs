@@ -5,13 +5,13 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use muster_daemon::config::{ReceiverName, StageName, TransportName};
+use muster_daemon::config::{FlightNumber, ReceiverName, StageName, TransportName};
 use muster_daemon::slots::GateLimits;
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, TomlFile, did_you_mean};
 use muster_runtime::identity::is_plain;
 use muster_runtime::plan::to_usize;
-use muster_runtime::schema::Located;
+use muster_runtime::schema::{Located, Or};
 use muster_scenarios::scenario::{self, Scenario};
 
 use super::raw::{DroppedPerSecond, RawHost, RawWave, SoakSeconds};
@@ -33,7 +33,7 @@ pub struct Fleet {
     /// How frames are sent.
     pub transport: TransportName,
     /// Number of the flight.
-    pub flight: Option<u32>,
+    pub flight: Or<FlightNumber, 1>,
     /// When a release counts as good on a host.
     pub gate: GateLimits,
     /// The network settings of the drones.
@@ -122,7 +122,7 @@ impl File {
             scenario,
             keys: self.0.resolve(keys),
             transport: raw.transport.unwrap_or(TransportName::Udp),
-            flight: raw.flight.span().map(|_| raw.flight.to_u32()),
+            flight: raw.flight.clone(),
             gate: GateLimits {
                 within_s: raw.gate.within_s.to_u32(),
                 hold_s: raw.gate.hold_s.to_u32(),

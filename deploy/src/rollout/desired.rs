@@ -3,16 +3,19 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::net::{Ipv4Addr, SocketAddr};
-use std::path::Path;
+use std::path::PathBuf;
 
-use muster_daemon::config::{StageName, TransportName};
+use muster_daemon::config::{
+    DroneFile, LevelName, LogName, Network, StageName, TransportName, VehicleName,
+};
 use muster_daemon::slots::{Incoming, IncomingFile, SlotFacts, configuration_digest};
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::identity::{DroneKey, ReleaseFile, Roster, hex, is_plain};
+use muster_runtime::schema::Or;
 use muster_scenarios::scenario;
 
-use crate::drone_file::{DroneFile, Keys, LogFormat, Network, Observe};
+use crate::drone_file::{keys, observe};
 use crate::hosts::{Fleet, FleetHost, Reach};
 use crate::release::Release;
 
@@ -134,36 +137,31 @@ fn add_drone(
         put(&grant)?;
     }
     let (udp, quic) = match fleet.transport {
-        TransportName::Udp => (Some(network), None),
-        TransportName::Quic => (None, Some(network)),
+        TransportName::Udp => (Some(network.into()), None),
+        TransportName::Quic => (None, Some(network.into())),
     };
     let controller = host.controller.as_ref();
+    let vehicle = controller.map_or(VehicleName::ClosedForm, |_| VehicleName::Msp);
     let file = DroneFile {
-        scenario: Path::new(&scenario),
-        id: id.0,
-        stage: host.stage,
-        vehicle: controller.map_or("closed-form", |_| "msp"),
-        port: controller.map(|it| it.port.clone()),
-        receiver: controller.map(|it| it.receiver),
+        scenario: PathBuf::from(&scenario).into(),
+        id: id.0.into(),
+        swarm: Or::default(),
+        stage: host.stage.into(),
+        vehicle: vehicle.into(),
+        port: controller.map(|it| it.port.clone().into()),
+        receiver: controller.map(|it| it.receiver.into()),
         pose: None,
-        transport: fleet.transport,
-        journal: format!("{STATE}/journal-{id}"),
-        flight: fleet.flight,
-        log: LogFormat::Human,
-        keys: Keys {
-            drone: key,
-            fleet: "fleet.pub",
-            roster: "roster.toml",
-            revoked: "revoked.toml",
-            grant: needs_grant.then_some(grant),
-        },
+        transport: fleet.transport.into(),
+        journal: format!("{STATE}/journal-{id}").into(),
+        flight: fleet.flight.clone(),
+        log: LogName::Human,
+        log_level: LevelName::default(),
+        keys: keys("", &key, needs_grant.then(|| grant.into())),
         udp,
         quic,
-        observe: Some(Observe {
-            http: status_address(id),
-        }),
+        observe: Some(observe(status_address(id))),
     };
-    let text = toml::to_string(&file).expect("every drone file has a form in TOML");
+    let text = file.to_toml();
     files.insert(format!("config/drone-{id}.toml"), text.into_bytes());
     Ok(())
 }

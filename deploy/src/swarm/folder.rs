@@ -10,13 +10,16 @@ use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::file::Lock;
 use muster_runtime::identity::Fleet;
+use muster_runtime::schema::Or;
 use muster_scenarios::scenario;
 
 use super::controllers::{Port, Ports};
 use super::{Request, SwarmError};
-use crate::drone_file::{DroneFile, Keys, LogFormat, Observe};
+use crate::drone_file::{keys, observe};
 use crate::hosts::{Host, Hosts, Reach};
-use muster_daemon::config::{StageName, TransportName};
+use muster_daemon::config::{
+    DroneFile, LevelName, LogName, ReceiverName, StageName, TransportName, VehicleName,
+};
 
 /// The file that marks the folder of a flight; locked during the flight.
 const LOCK_FILE: &str = "flight.lock";
@@ -42,7 +45,7 @@ pub(super) fn prepare(
     ports: &Ports,
 ) -> Result<(Vec<DroneFolder>, Lock), SwarmError> {
     let lock = lock(request.folder)?;
-    let drones = write_files(request, hosts, ports, LogFormat::Json)?;
+    let drones = write_files(request, hosts, ports, LogName::Json)?;
     Ok((drones, lock))
 }
 
@@ -64,14 +67,14 @@ pub(super) fn prepare_by_hand(
             BadInput::without_excerpt(folder, "exists and is not an empty folder", help).into(),
         );
     }
-    write_files(request, hosts, ports, LogFormat::Human)
+    write_files(request, hosts, ports, LogName::Human)
 }
 
 fn write_files(
     request: &Request<'_>,
     hosts: &Hosts,
     ports: &Ports,
-    log: LogFormat,
+    log: LogName,
 ) -> Result<Vec<DroneFolder>, SwarmError> {
     let folder = request.folder;
     let fleet = Fleet::create(&folder.join("fleet"))?;
@@ -83,35 +86,33 @@ fn write_files(
         let key = key.file_name().unwrap_or_default().to_string_lossy();
         let own = PathBuf::from(format!("drone-{id}"));
         let (udp, quic) = match request.transport {
-            TransportName::Udp => (Some(network), None),
-            TransportName::Quic => (None, Some(network)),
+            TransportName::Udp => (Some(network.into()), None),
+            TransportName::Quic => (None, Some(network.into())),
         };
         let addresses = ports.get(&id).map(Port::addresses).transpose();
         let (controller, pose) = addresses.map_err(SwarmError::Ports)?.unzip();
+        let vehicle = controller.map_or(VehicleName::ClosedForm, |_| VehicleName::Msp);
+        let receiver = ReceiverName::from(request.scenario.plan.receiver);
         let file = DroneFile {
-            scenario: &Path::new("../scenario").join(&scenario),
-            id: id.0,
-            stage: StageName::Sim,
-            vehicle: controller.map_or("closed-form", |_| "msp"),
-            port: controller.map(|address| format!("tcp:{address}")),
-            receiver: controller.map(|_| request.scenario.plan.receiver.into()),
-            pose: pose.flatten(),
-            transport: request.transport,
-            journal: "journal".to_owned(),
-            flight: None,
+            scenario: Path::new("../scenario").join(&scenario).into(),
+            id: id.0.into(),
+            swarm: Or::default(),
+            stage: StageName::Sim.into(),
+            vehicle: vehicle.into(),
+            port: controller.map(|address| format!("tcp:{address}").into()),
+            receiver: controller.map(|_| receiver.into()),
+            pose: pose.flatten().map(Into::into),
+            transport: request.transport.into(),
+            journal: "journal".into(),
+            flight: Or::default(),
             log,
-            keys: Keys {
-                drone: format!("../fleet/{key}"),
-                fleet: "../fleet/fleet.pub",
-                roster: "../fleet/roster.toml",
-                revoked: "../fleet/revoked.toml",
-                grant: None,
-            },
+            log_level: LevelName::default(),
+            keys: keys("../fleet", &key, None),
             udp,
             quic,
-            observe: status_addresses.remove(&id).map(|http| Observe { http }),
+            observe: status_addresses.remove(&id).map(observe),
         };
-        let text = toml::to_string(&file).expect("every drone file has a form in TOML");
+        let text = file.to_toml();
         let config = own.join("drone.toml");
         write(&folder.join(&config), &text)?;
         let mut files = shared.clone();

@@ -11,7 +11,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::read::LOCATED;
 
-/// A value that is in the file, with its place. In a JSON Schema it is the value alone.
+/// A value that is in the file, with its place. In a JSON Schema, and where it is written, it is the value alone.
 #[derive(Debug, Clone)]
 pub struct Located<T> {
     value: T,
@@ -37,6 +37,19 @@ impl<T> Located<T> {
     /// The value alone.
     pub fn into_inner(self) -> T {
         self.value
+    }
+}
+
+/// A value that is to be written; it has no place yet.
+impl<T> From<T> for Located<T> {
+    fn from(value: T) -> Self {
+        Self { value, span: 0..0 }
+    }
+}
+
+impl<T: Serialize> Serialize for Located<T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        self.value.serialize(serializer)
     }
 }
 
@@ -91,7 +104,7 @@ pub trait FromRatio {
     fn from_ratio(numerator: u64, denominator: u64) -> Self;
 }
 
-/// A number of the file, or the default `N / D` if the file has none. Fields of this type need `#[serde(default)]`.
+/// A number that is in the file or to be written, or the default `N / D` if the file has none. Fields of this type need `#[serde(default)]`.
 #[derive(Debug, Clone)]
 pub struct Or<T, const N: u64, const D: u64 = 1> {
     value: T,
@@ -138,7 +151,14 @@ impl<'de, T: Deserialize<'de>, const N: u64, const D: u64> Deserialize<'de> for 
     }
 }
 
-/// As the default in a JSON Schema.
+/// A value that is to be written.
+impl<T, const N: u64, const D: u64> From<T> for Or<T, N, D> {
+    fn from(value: T) -> Self {
+        Self { value, span: None }
+    }
+}
+
+/// The number alone, also as the default in a JSON Schema.
 impl<T: Serialize, const N: u64, const D: u64> Serialize for Or<T, N, D> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         self.value.serialize(serializer)

@@ -1,4 +1,5 @@
 use std::os::unix::fs::PermissionsExt;
+use std::path::Path;
 
 use muster_runtime::identity::{Fleet as Keys, Manifest};
 use tempfile::TempDir;

@@ -5,7 +5,7 @@ use muster_mavlink::Address;
 use muster_runtime::diagnostic::{BadInput, TomlFile};
 use muster_runtime::schema::Located;
 
-use super::raw::{Raw, StageName, VehicleName};
+use super::drone_file::{DroneFile, StageName, VehicleName};
 
 /// An autopilot, as a drone's file names it.
 #[derive(Debug)]
@@ -15,7 +15,7 @@ pub(crate) struct AutopilotConfig {
 }
 
 /// The autopilot, if the drone has one. Checks that it fits the stage.
-pub(super) fn of(file: &TomlFile<Raw>) -> Result<Option<AutopilotConfig>, BadInput> {
+pub(super) fn of(file: &TomlFile<DroneFile>) -> Result<Option<AutopilotConfig>, BadInput> {
     let raw = &file.raw;
     if *raw.vehicle.get_ref() != VehicleName::Mavlink {
         return Ok(None);

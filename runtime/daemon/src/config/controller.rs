@@ -11,7 +11,7 @@ use muster_runtime::identity::{Grant, GrantedStage};
 use muster_runtime::schema::Located;
 
 use super::File;
-use super::raw::{ReceiverName, StageName, VehicleName};
+use super::drone_file::{ReceiverName, StageName, VehicleName};
 
 /// Path of the last check of a drone's flight controller on the ground. It is beside the journal's folder, because it
 /// outlives the journal.

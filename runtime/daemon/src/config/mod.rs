@@ -3,9 +3,9 @@
 
 mod autopilot;
 mod controller;
+mod drone_file;
 mod flight;
 mod network;
-mod raw;
 
 use std::io;
 use std::net::SocketAddr;
@@ -27,9 +27,11 @@ use serde::{Deserialize, Serialize};
 
 pub(crate) use self::autopilot::AutopilotConfig;
 pub(crate) use self::controller::{ControllerConfig, Permission};
+pub use self::drone_file::{
+    DroneFile, FlightNumber, Keys, LevelName, LogName, Network, Observe, ReceiverName, StageName,
+    VehicleName,
+};
 pub(crate) use self::flight::Origin;
-pub use self::raw::{FlightNumber, ReceiverName, StageName};
-use self::raw::{LevelName, LogName, Raw, VehicleName};
 use crate::log::{Format, Level};
 
 /// Path of the newest revocation list that a drone has received. It is beside the journal's folder, because it outlives
@@ -42,7 +44,7 @@ fn kept_list(journal: &Path, id: u32) -> PathBuf {
 #[must_use]
 pub fn schema() -> &'static FileSchema {
     static SCHEMA: LazyLock<FileSchema> =
-        LazyLock::new(|| FileSchema::of::<Raw>("A drone of muster"));
+        LazyLock::new(|| FileSchema::of::<DroneFile>("A drone of muster"));
     &SCHEMA
 }
 
@@ -264,7 +266,7 @@ impl From<LevelName> for Level {
 }
 
 /// A parsed drone's file that is not validated yet.
-struct File(TomlFile<Raw>);
+struct File(TomlFile<DroneFile>);
 
 impl File {
     fn read(path: &Path) -> Result<Self, BadInput> {

@@ -8,7 +8,7 @@ use muster_runtime::diagnostic::BadInput;
 use muster_runtime::schema::Located;
 use muster_transport::sockets::{self, Reach};
 
-use super::raw::Network;
+use super::drone_file::Network;
 use super::{File, TransportName};
 
 /// The most peers of a drone.
