@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::net::SocketAddr;
 use std::path::PathBuf;
 
-use muster_daemon::config::{Keys, Network, Observe};
+use muster_daemon::config::{Keys, Network, TransportName};
 use muster_machines::identity::NodeId;
+use muster_runtime::schema::Located;
 
 use crate::hosts::{Host, Hosts, Reach};
 
@@ -21,8 +22,12 @@ pub(crate) fn keys(folder: &str, drone: &str, grant: Option<PathBuf>) -> Keys {
     }
 }
 
-pub(crate) fn observe(http: SocketAddr) -> Observe {
-    Observe { http: http.into() }
+/// The tables `[udp]` and `[quic]`: that of the transport.
+pub(crate) fn tables(transport: TransportName, network: Network) -> [Option<Located<Network>>; 2] {
+    match transport {
+        TransportName::Udp => [Some(network.into()), None],
+        TransportName::Quic => [None, Some(network.into())],
+    }
 }
 
 impl Hosts {

@@ -1,7 +1,7 @@
 """`muster fc` beside the real firmware: arguments PROGRAM (printed by .ci/betaflight) and MUSTER.
 
 A safe configuration breaks no rule; each change of unsafe.toml and of UNSAFE breaks one; what `check` says to set mends the
-defaults; `probe` and `watch` show what the command line, the physics and the receiver's channels are."""
+defaults; `probe` and `watch` show what the command line, the physics and another client say."""
 
 import json
 import math
@@ -137,7 +137,7 @@ def command_line():
     print(status)
     volts, battery = re.search(r"Voltage: (\d+) \* 0\.01V \(\d+S battery - ([A-Z ]+)\)", status).groups()
     arming = re.search(r"Arming disable flags: *(.*)", status).group(1).split()
-    return int(volts) / 100, battery, set(arming) - {"CLI", "BOOTGRACE", "CALIB", "ARM_SWITCH", "MSP"}
+    return int(volts) / 100, battery, set(arming) - {"CLI", "BOOTGRACE", "CALIB", "ARM_SWITCH"}
 
 
 volts, battery, arming = command_line()

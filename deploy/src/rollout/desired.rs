@@ -6,7 +6,7 @@ use std::net::{Ipv4Addr, SocketAddr};
 use std::path::PathBuf;
 
 use muster_daemon::config::{
-    DroneFile, LevelName, LogName, Network, StageName, TransportName, VehicleName,
+    DroneFile, LevelName, LogName, Network, Observe, StageName, TransportName, VehicleName,
 };
 use muster_daemon::slots::{Incoming, IncomingFile, SlotFacts, configuration_digest};
 use muster_machines::identity::NodeId;
@@ -15,7 +15,7 @@ use muster_runtime::identity::{DroneKey, ReleaseFile, Roster, hex, is_plain};
 use muster_runtime::schema::Or;
 use muster_scenarios::scenario;
 
-use crate::drone_file::{keys, observe};
+use crate::drone_file::{keys, tables};
 use crate::hosts::{Fleet, FleetHost, Reach};
 use crate::release::Release;
 
@@ -136,10 +136,7 @@ fn add_drone(
     if needs_grant {
         put(&grant)?;
     }
-    let (udp, quic) = match fleet.transport {
-        TransportName::Udp => (Some(network.into()), None),
-        TransportName::Quic => (None, Some(network.into())),
-    };
+    let [udp, quic] = tables(fleet.transport, network);
     let controller = host.controller.as_ref();
     let vehicle = controller.map_or(VehicleName::ClosedForm, |_| VehicleName::Msp);
     let file = DroneFile {
@@ -159,10 +156,12 @@ fn add_drone(
         keys: keys("", &key, needs_grant.then(|| grant.into())),
         udp,
         quic,
-        observe: Some(observe(status_address(id))),
+        observe: Some(Observe {
+            http: status_address(id).into(),
+        }),
     };
-    let text = file.to_toml();
-    files.insert(format!("config/drone-{id}.toml"), text.into_bytes());
+    let text = file.to_toml().into_bytes();
+    files.insert(format!("config/drone-{id}.toml"), text);
     Ok(())
 }
 

@@ -15,10 +15,10 @@ use muster_scenarios::scenario;
 
 use super::controllers::{Port, Ports};
 use super::{Request, SwarmError};
-use crate::drone_file::{keys, observe};
+use crate::drone_file::{keys, tables};
 use crate::hosts::{Host, Hosts, Reach};
 use muster_daemon::config::{
-    DroneFile, LevelName, LogName, ReceiverName, StageName, TransportName, VehicleName,
+    DroneFile, LevelName, LogName, Observe, ReceiverName, StageName, VehicleName,
 };
 
 /// The file that marks the folder of a flight; locked during the flight.
@@ -85,10 +85,7 @@ fn write_files(
         let key = fleet.add_drone(id)?;
         let key = key.file_name().unwrap_or_default().to_string_lossy();
         let own = PathBuf::from(format!("drone-{id}"));
-        let (udp, quic) = match request.transport {
-            TransportName::Udp => (Some(network.into()), None),
-            TransportName::Quic => (None, Some(network.into())),
-        };
+        let [udp, quic] = tables(request.transport, network);
         let addresses = ports.get(&id).map(Port::addresses).transpose();
         let (controller, pose) = addresses.map_err(SwarmError::Ports)?.unzip();
         let vehicle = controller.map_or(VehicleName::ClosedForm, |_| VehicleName::Msp);
@@ -110,7 +107,9 @@ fn write_files(
             keys: keys("../fleet", &key, None),
             udp,
             quic,
-            observe: status_addresses.remove(&id).map(observe),
+            observe: status_addresses
+                .remove(&id)
+                .map(|http| Observe { http: http.into() }),
         };
         let text = file.to_toml();
         let config = own.join("drone.toml");

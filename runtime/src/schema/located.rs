@@ -104,7 +104,7 @@ pub trait FromRatio {
     fn from_ratio(numerator: u64, denominator: u64) -> Self;
 }
 
-/// A number that is in the file or to be written, or the default `N / D` if the file has none. Fields of this type need `#[serde(default)]`.
+/// A number of the file, or the default `N / D` if the file has none. Fields of this type need `#[serde(default)]`.
 #[derive(Debug, Clone)]
 pub struct Or<T, const N: u64, const D: u64 = 1> {
     value: T,
@@ -148,13 +148,6 @@ impl<'de, T: Deserialize<'de>, const N: u64, const D: u64> Deserialize<'de> for 
             span: Some(value.span()),
             value: value.into_inner(),
         })
-    }
-}
-
-/// A value that is to be written.
-impl<T, const N: u64, const D: u64> From<T> for Or<T, N, D> {
-    fn from(value: T) -> Self {
-        Self { value, span: None }
     }
 }
 

@@ -65,7 +65,8 @@ impl Seat {
             .map_or(Duration::ZERO, |since| now.since(since))
     }
 
-    /// Sets the timer to the deadline of the actor's last step, to `now` if that was earlier, or after a pause if it is overdue.
+    /// Sets the timer to the deadline of the actor's last step, to `now` if that was earlier, or after a pause if it is
+    /// overdue.
     fn set_timer(&mut self, now: Timestamp, output: &StepOutput) {
         self.deadline = output.deadline.map(|deadline| deadline.max(now));
         if output.is_overdue {
@@ -289,35 +290,34 @@ impl Actors {
 mod tests {
     use super::*;
 
-    fn set(now_ms: u64, deadline_ms: u64, is_overdue: bool) -> Seat {
-        let at = |ms: u64| Timestamp::from_nanos(ms * 1_000_000);
-        let output = StepOutput {
-            deadline: Some(at(deadline_ms)),
-            is_overdue,
+    fn at(ms: u64) -> Timestamp {
+        Timestamp::from_nanos(ms * 1_000_000)
+    }
+
+    fn due_at(ms: u64) -> StepOutput {
+        StepOutput {
+            deadline: Some(at(ms)),
             ..StepOutput::default()
-        };
-        let mut seat = Seat::default();
-        seat.set_timer(at(now_ms), &output);
-        seat
+        }
     }
 
     #[test]
     fn overdue_actor_is_counted_and_woken_after_pause() {
-        let seat = set(5_000, 4_000, true);
-        let paused = Timestamp::from_nanos(5_000_000_000) + OVERDUE_PAUSE;
+        let mut seat = Seat::default();
+        let overdue = StepOutput {
+            is_overdue: true,
+            ..due_at(4_000)
+        };
+        seat.set_timer(at(5_000), &overdue);
+        let paused = at(5_000) + OVERDUE_PAUSE;
         assert_eq!((seat.deadline, seat.overdue), (Some(paused), 1));
     }
 
     #[test]
     fn timer_whose_message_was_refused_fires_again() {
-        let at = |ms: u64| Timestamp::from_nanos(ms * 1_000_000);
         let mut actors = Actors::new(Duration::from_secs(1));
         actors.set_up(Address::Mission);
-        let output = StepOutput {
-            deadline: Some(at(5_000)),
-            ..StepOutput::default()
-        };
-        actors.set_timer(at(4_000), Address::Mission, &output);
+        actors.set_timer(at(4_000), Address::Mission, &due_at(5_000));
         for refused_ms in 5_000..5_010 {
             assert_eq!(actors.deadline(), Some(at(refused_ms)));
             actors.fire_timers_with(at(refused_ms), |_, _| false);
@@ -332,29 +332,23 @@ mod tests {
 
     #[test]
     fn refused_timer_of_an_actor_that_is_down_is_not_set_anew() {
-        let at = Timestamp::from_nanos(5_000_000_000);
         let mut actors = Actors::new(Duration::from_secs(1));
-        let output = StepOutput {
-            deadline: Some(at),
-            ..StepOutput::default()
-        };
-        actors.set_timer(at, Address::Mission, &output);
-        actors.fire_timers_with(at, |_, _| false);
+        actors.set_timer(at(5_000), Address::Mission, &due_at(5_000));
+        actors.fire_timers_with(at(5_000), |_, _| false);
         assert_eq!(actors.deadline(), None);
     }
 
     #[test]
     fn deadline_that_a_message_sets_in_the_past_is_due_at_once_and_not_late() {
-        let at = |ms: u64| Timestamp::from_nanos(ms * 1_000_000);
-        let output = |deadline_ms| StepOutput {
-            deadline: Some(at(deadline_ms)),
-            ..StepOutput::default()
-        };
         let mut actors = Actors::new(Duration::from_secs(1));
-        actors.set_timer(at(5_000), Address::Routing, &output(4_000));
-        assert_eq!(actors.deadline(), Some(at(5_000)));
+        actors.set_timer(at(5_000), Address::Routing, &due_at(4_000));
+        let due = actors.deadline();
+        assert_eq!(
+            (due, actors.seat(Address::Routing).overdue),
+            (Some(at(5_000)), 0)
+        );
         actors.fire_timers_with(at(5_001), |_, _| true);
-        actors.set_timer(at(5_003), Address::Routing, &output(6_000));
+        actors.set_timer(at(5_003), Address::Routing, &due_at(6_000));
         assert_eq!(actors.late_max(), Duration::from_millis(3));
     }
 }
