@@ -16,7 +16,7 @@ use std::time::Duration;
 use assert_cmd::Command;
 use muster::agent::{Agent, Context, Destination, Reliability, Telemetry, TimerId};
 use muster::report::{MarkKind, Report};
-use muster::{Engine, Ned, NodeId, Sim, Velocity};
+use muster::{Engine, Ned, NodeId, Run, Sim, Velocity};
 
 /// The agents of the examples, and of the crate that `muster new agent` writes.
 fn install() {
@@ -30,13 +30,14 @@ fn scenario(name: &str) -> Sim {
     Sim::load(folder.join(name).with_extension("toml")).unwrap()
 }
 
-/// Flies with both engines; returns what both report.
-fn fly(sim: &Sim) -> Report {
-    let report = sim.run().unwrap().report;
+/// Flies with both engines, which agree.
+fn fly(sim: &Sim) -> Run {
+    let run = sim.run().unwrap();
     let with_actors = sim.clone().engine(Engine::Actors).run().unwrap().report;
-    assert_eq!(report.trace, with_actors.trace);
-    assert!(report.violations.is_empty(), "{:?}", report.violations);
-    report
+    assert_eq!(run.report.trace, with_actors.trace);
+    let violations = &run.report.violations;
+    assert!(violations.is_empty(), "{violations:?}");
+    run
 }
 
 /// The largest value of a name that a drone reported.
@@ -48,7 +49,7 @@ fn highest(report: &Report, name: &str) -> f64 {
 #[test]
 fn lanes_report_all_finds_although_the_leader_is_lost() {
     for seed in 1..=2 {
-        let report = fly(&scenario("lanes").seed(seed));
+        let report = fly(&scenario("lanes").seed(seed)).report;
         assert!(report.mission_completed, "seed {seed}");
         assert!(!report.elections.is_empty(), "seed {seed}");
         let finds = highest(&report, "finds");
@@ -60,7 +61,7 @@ fn lanes_report_all_finds_although_the_leader_is_lost() {
 fn drone_on_a_lane_stops_for_a_dead_one_above() {
     install();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
-    let report = fly(&Sim::load(folder.join("comes-down-above-a-lane.toml")).unwrap());
+    let report = fly(&Sim::load(folder.join("comes-down-above-a-lane.toml")).unwrap()).report;
     assert!(report.min_separation_m.unwrap() > 5.0);
     assert!(highest(&report, "finds") > 2.5);
 }
@@ -69,7 +70,7 @@ fn drone_on_a_lane_stops_for_a_dead_one_above() {
 fn drone_without_position_waits_for_one_that_passes_below_it() {
     install();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
-    let report = fly(&Sim::load(folder.join("passes-below-a-lost-drone.toml")).unwrap());
+    let report = fly(&Sim::load(folder.join("passes-below-a-lost-drone.toml")).unwrap()).report;
     assert!(highest(&report, "finds") > 2.5);
 }
 
@@ -78,7 +79,7 @@ fn drones_on_lanes_that_hear_nobody_land() {
     install();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
     let jammed = Sim::load(folder.join("jammed-on-a-lane.toml")).unwrap();
-    let report = fly(&jammed);
+    let report = fly(&jammed).report;
     assert!(!report.mission_completed);
     let alone = jammed.set("failsafe.alone", "carry-on").unwrap();
     let broken = alone.run().unwrap().report.violations;
@@ -89,7 +90,7 @@ fn drones_on_lanes_that_hear_nobody_land() {
 fn restarted_process_continues_its_task_with_the_whole_roster() {
     install();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
-    let report = fly(&Sim::load(folder.join("restart.toml")).unwrap());
+    let report = fly(&Sim::load(folder.join("restart.toml")).unwrap()).report;
     assert!(
         report.agent_failures.is_empty(),
         "{:?}",
@@ -102,7 +103,7 @@ fn restarted_process_continues_its_task_with_the_whole_roster() {
 
 #[test]
 fn pursuers_surround_the_target() {
-    let report = fly(&scenario("pursuit"));
+    let report = fly(&scenario("pursuit")).report;
     assert!(report.mission_completed);
     let before_landing = |at_s: &f64| *at_s > 200.0;
     let distances = report.observed.iter().filter(|it| before_landing(&it.at_s));
@@ -117,12 +118,11 @@ fn pursuers_surround_the_target() {
 
 #[test]
 fn flock_reaches_its_place_together() {
-    let sim = scenario("flocking");
-    let report = fly(&sim);
+    let Run { report, flight } = fly(&scenario("flocking"));
     assert!(report.mission_completed);
     assert!(report.min_separation_m.unwrap() > 5.0);
     let place = Ned::new(300.0, 150.0, 0.0);
-    for drone in sim.run().unwrap().flight.drones {
+    for drone in flight.drones {
         let (_, last) = drone.track.last().unwrap();
         let distance_m = last.horizontal_distance_m(place);
         assert!(distance_m < 80.0, "it lands {distance_m} m from the place");
@@ -131,7 +131,7 @@ fn flock_reaches_its_place_together() {
 
 #[test]
 fn mule_carries_the_measurements_of_lonely_sensors_to_the_base() {
-    let report = fly(&scenario("mule"));
+    let report = fly(&scenario("mule")).report;
     let delivered = report.observed.iter().filter(|it| it.drone == 0);
     let delivered = delivered.map(|it| it.value).fold(0.0, f64::max);
     assert!(delivered > 300.0, "{delivered} measurements");
@@ -140,7 +140,7 @@ fn mule_carries_the_measurements_of_lonely_sensors_to_the_base() {
 #[test]
 fn auctioned_tasks_are_done_although_a_member_is_lost() {
     for seed in 1..=2 {
-        let report = fly(&scenario("auction").seed(seed));
+        let report = fly(&scenario("auction").seed(seed)).report;
         assert!(report.mission_completed, "seed {seed}");
         assert!(highest(&report, "done") > 7.5, "seed {seed}");
     }
@@ -170,7 +170,7 @@ fn crate_that_muster_new_agent_writes_flies() {
         text.replace("name = \"my-search\"", "name = \"NAME\""),
     )
     .unwrap();
-    let report = fly(&Sim::load(&scenario).unwrap());
+    let report = fly(&Sim::load(&scenario).unwrap()).report;
     assert!(report.mission_completed);
     let corners = report.observed.iter().map(|it| it.value as u32);
     assert_eq!(corners.collect::<BTreeSet<_>>().len(), 5);
@@ -211,8 +211,7 @@ impl Agent for Lazy {
 
 #[test]
 fn agent_that_does_nothing_is_landed_when_the_flight_time_is_over() {
-    let sim = plain().agents(|_| Box::new(Lazy)).unwrap();
-    let report = fly(&sim);
+    let report = fly(&plain().agents(|_| Box::new(Lazy)).unwrap()).report;
     assert!(!report.mission_completed);
 }
 
@@ -236,14 +235,16 @@ fn agent_that_keeps_failing_is_given_up_and_the_others_fly_on() {
             Box::new(Lazy)
         }
     });
-    let sim = sim.unwrap();
-    let report = fly(&sim);
+    let Run { report, flight } = fly(&sim.unwrap());
     let failures = report.agent_failures.iter();
     let failures: Vec<_> = failures.map(|it| (it.drone, it.what.as_str())).collect();
     let expected = "the destination Ned([[NaN, 0.0, 0.0]]) is not finite";
     assert_eq!(failures, [(1, expected); 6]);
-    let marks = sim.run().unwrap().flight.history.marks;
-    let marks = marks.iter().filter(|it| it.kind == MarkKind::AgentFailure);
+    let marks = flight
+        .history
+        .marks
+        .iter()
+        .filter(|it| it.kind == MarkKind::AgentFailure);
     let marks: Vec<_> = marks
         .map(|it| (it.nodes.as_slice(), it.text.as_str()))
         .collect();
@@ -270,17 +271,14 @@ impl Agent for Flooding {
 
 #[test]
 fn agent_that_floods_the_swarm_breaks_no_rule_and_elects_nobody() {
-    let sim = plain()
-        .set("limits.flight_time_s", 90)
-        .unwrap()
-        .agents(|id| {
-            if id == NodeId(1) {
-                Box::new(Flooding)
-            } else {
-                Box::new(Lazy)
-            }
-        });
-    let report = fly(&sim.unwrap());
+    let sim = plain().agents(|id| {
+        if id == NodeId(1) {
+            Box::new(Flooding)
+        } else {
+            Box::new(Lazy)
+        }
+    });
+    let report = fly(&sim.unwrap()).report;
     assert!(report.elections.is_empty(), "{:?}", report.elections);
 }
 
@@ -300,6 +298,6 @@ impl Agent for Tracking {
 
 #[test]
 fn tracked_place_leads_the_drones_away_and_they_land_there() {
-    let report = fly(&plain().agents(|_| Box::new(Tracking)).unwrap());
+    let report = fly(&plain().agents(|_| Box::new(Tracking)).unwrap()).report;
     assert!(report.mission_completed);
 }

@@ -3,7 +3,7 @@
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
 
-use crate::support::{fly, scenario};
+use crate::support::{Sweep, fly, scenario};
 
 fn flown(name: &str, avoid: bool) -> Report {
     let avoid = format!("safety.avoid={avoid}");
@@ -32,6 +32,7 @@ fn swarm_without_deconfliction_breaks_the_separation_rule() {
 
 #[test]
 fn deconfliction_without_faults_costs_no_time_and_few_frames() {
+    let mut sweep = Sweep::default();
     for name in [
         "thesis-1.toml",
         "thesis-2.toml",
@@ -45,6 +46,9 @@ fn deconfliction_without_faults_costs_no_time_and_few_frames() {
         "southbound.toml",
         "split-up-3.toml",
     ] {
+        if !sweep.has_next() {
+            continue;
+        }
         let [without, with] = [false, true].map(|avoid| flown(name, avoid));
         assert_eq!(with.violations, [], "{name}");
         let longer = with.simulated_s / without.simulated_s;

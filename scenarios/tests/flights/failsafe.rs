@@ -5,7 +5,7 @@ use muster_scenarios::engine::{Engine, run};
 use muster_scenarios::report::{Flight, Report};
 use muster_scenarios::scenario::Scenario;
 
-use crate::support::{fly, scenario};
+use crate::support::{Sweep, fly, scenario};
 
 const OVER: Option<&str> = None;
 const ALONE: Option<&str> = Some("it had no contact with other drones");
@@ -167,7 +167,11 @@ fn fences_of_plan_and_scenario_are_both_in_force() {
 
 #[test]
 fn hung_process_starts_no_election_when_it_resumes() {
-    for for_s in [0.5, 2.0, 5.0] {
+    let mut sweep = Sweep::default();
+    for for_s in [2.0, 0.5, 5.0] {
+        if !sweep.has_next() {
+            continue;
+        }
         let fields = [
             "protocol.succession=elect",
             "protocol.parameters=fast",

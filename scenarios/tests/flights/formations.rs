@@ -56,7 +56,11 @@ fn every_formation_flies_and_lands_without_violation() {
 
 #[test]
 fn forty_drones_fly_in_the_densest_formations() {
+    let mut sweep = Sweep::default();
     for kind in &KINDS[5..] {
+        if !sweep.has_next() {
+            continue;
+        }
         let what = format!("{kind:?}, 40 drones");
         assert_flown(&fly(&with(kind, 40, &[]), Engine::Events), &what);
     }
