@@ -126,7 +126,9 @@ fn write_all<S: Storage>(
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return,
         };
-        let batch: Vec<_> = first.into_iter().chain(entries.try_iter()).collect();
+        // Who queues while this thread takes must not make it take for ever.
+        let more = entries.try_iter().take(WAITING_MAX - 1);
+        let batch: Vec<_> = first.into_iter().chain(more).collect();
         for entry in &batch {
             all.keep(entry.checkpoint.clone());
             number = entry.number;
