@@ -126,7 +126,7 @@ fn write_all<S: Storage>(
             Err(RecvTimeoutError::Timeout) => None,
             Err(RecvTimeoutError::Disconnected) => return,
         };
-        // Who queues while this thread takes must not make it take for ever.
+        // Bounded, so that a caller that queues as fast as this thread takes does not keep it from writing.
         let more = entries.try_iter().take(WAITING_MAX - 1);
         let batch: Vec<_> = first.into_iter().chain(more).collect();
         for entry in &batch {

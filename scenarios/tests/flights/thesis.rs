@@ -103,7 +103,7 @@ fn every_flight_time_follows_the_law_of_the_five_experiments() {
     }
 }
 
-/// Mean wait at a waypoint over drones, waypoints and seeds 1 to 20.
+/// Mean wait at a waypoint over drones, waypoints and a sweep of the seeds 1 to 20.
 fn mean_wait_s(name: &str, fields: &[&str]) -> f64 {
     let mut sweep = Sweep::default();
     let (mut sum_s, mut flights) = (0.0, 0.0);
