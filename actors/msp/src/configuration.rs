@@ -71,7 +71,16 @@ pub struct Identity {
     pub boxes: BoxIds,
 }
 
+/// Board of Betaflight's software in the loop and of ours, which no motor hangs on.
+const SIMULATION: [u8; 4] = *b"SITL";
+
 impl Identity {
+    /// Whether its board says that it is a simulation, with no motor.
+    #[must_use]
+    pub fn is_simulation(&self) -> bool {
+        self.board.board.0 == SIMULATION
+    }
+
     /// Asks who it is: five or six requests.
     ///
     /// # Errors

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::acknowledgements::Acknowledgements;
 use crate::configuration::BOXES_A_PAGE;
-use crate::schedule::{FURTHER_BOXES, Schedule, Write};
+use crate::schedule::{Answered, FURTHER_BOXES, Schedule, Write};
 use crate::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Decode, DecodeError,
     Direction, FcVariant, FcVersion, Frame, Identity, Message, Modes, Motor, RawGps, Rc, SetRawRc,
@@ -68,14 +68,8 @@ impl Conversation {
         }
     }
 
-    /// Starts anew with a port that was opened again. The newest sticks are kept.
-    pub fn reopen(&mut self, now: Duration) {
-        self.schedule.reopen(now);
-        self.acknowledgements = Acknowledgements::default();
-        (self.identity, self.modes) = (Identity::default(), None);
-    }
-
-    /// Takes the newest sticks. They are repeated for [`RC_HOLD`](crate::RC_HOLD) at most.
+    /// Takes the newest sticks. They are repeated for [`RC_HOLD`](crate::RC_HOLD) at most, and only while the controller is
+    /// known.
     pub fn set_channels(&mut self, now: Duration, channels: SetRawRc) {
         self.schedule.set_channels(now, channels);
     }
@@ -128,12 +122,15 @@ impl Conversation {
             return None;
         }
         let is_refused = frame.direction == Direction::Error;
-        let Some((query, delay)) = self.schedule.answered(now, frame.command, is_refused) else {
-            let is_late = self.schedule.is_answered_late(now, frame.command);
-            return is_late.then_some(Answer {
-                delay: None,
-                told: Ok(Some(Telemetry::Late)),
-            });
+        let answer = (frame.command, frame.version);
+        let (query, delay) = match self.schedule.answered(now, answer, is_refused)? {
+            Answered::InTime(query, delay) => (query, delay),
+            Answered::Late => {
+                return Some(Answer {
+                    delay: None,
+                    told: Ok(Some(Telemetry::Late)),
+                });
+            }
         };
         let told = if is_refused {
             Err(BadAnswer::Refused)
@@ -219,43 +216,43 @@ fn telemetry(frame: &Frame<'_>) -> Result<Option<Telemetry>, DecodeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Mode, TICK, Version};
+    use crate::{Mode, Query, TICK, Version};
 
     /// The modes of a controller that has 40, on two pages, and gives its first answer about modes this late.
     fn modes(late: Duration) -> Vec<Mode> {
         let mut conversation = Conversation::default();
-        let mut answers: Vec<(Duration, u16, Option<Vec<u8>>)> = Vec::new();
+        let mut answers: Vec<(Duration, Query, Version)> = Vec::new();
         let mut first = Some(late);
         for tick in 0..300 {
             let now = TICK * tick;
-            answers.retain(|(at, command, payload)| {
+            answers.retain(|(at, query, version)| {
                 if *at > now {
                     return true;
                 }
-                let direction = match payload {
-                    Some(_) => Direction::Reply,
-                    None => Direction::Error,
-                };
+                let page: Option<Vec<u8>> =
+                    (query.command == BoxIds::COMMAND).then(|| match query.payload {
+                        [] => (0..32).collect(),
+                        _ => (32..40).collect(),
+                    });
                 let frame = Frame {
-                    version: Version::V1,
-                    direction,
-                    command: *command,
+                    version: *version,
+                    direction: match page {
+                        Some(_) => Direction::Reply,
+                        None => Direction::Error,
+                    },
+                    command: query.command,
                     flag: 0,
-                    payload: payload.as_deref().unwrap_or_default(),
+                    payload: page.as_deref().unwrap_or_default(),
                 };
                 conversation.take(now, &frame);
                 false
             });
-            if let Some(Write::Request(query)) = conversation.tick(now) {
-                let payload = (query.command == BoxIds::COMMAND).then(|| match query.payload {
-                    [] => (0..32).collect(),
-                    _ => (32..40).collect(),
-                });
-                let delay = match payload {
-                    Some(_) => first.take().unwrap_or(TICK),
-                    None => TICK,
+            if let Some(Write::Request(query, version)) = conversation.tick(now) {
+                let delay = match query.command {
+                    BoxIds::COMMAND => first.take().unwrap_or(TICK),
+                    _ => TICK,
                 };
-                answers.push((now + delay, query.command, payload));
+                answers.push((now + delay, query, version));
             }
         }
         conversation.identity().unwrap().boxes.modes.clone()

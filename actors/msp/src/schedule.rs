@@ -20,7 +20,7 @@ const ANSWER_MAX: Duration = Duration::from_millis(100);
 /// How many questions may wait for their answers. With one, a line that takes 30 ms each way would bring heights three times a
 /// second, too few to hold one.
 const OUTSTANDING_MAX: usize = 4;
-/// Time after a question for which its answer shows that the controller lives.
+/// Time after a command for which its answer shows that the controller lives.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
 /// How often in a row a question is refused until it is not asked any more. An altered byte makes an answer a refusal that no
@@ -39,9 +39,9 @@ pub struct Query {
 }
 
 impl Query {
-    fn frame(&self) -> Frame<'_> {
+    fn frame(&self, version: Version) -> Frame<'_> {
         Frame {
-            version: Version::V1,
+            version,
             direction: Direction::Request,
             command: self.command,
             flag: 0,
@@ -108,8 +108,8 @@ pub const QUERIES: [Query; 15] = [
 pub enum Write {
     /// All channels.
     Rc(SetRawRc),
-    /// A question.
-    Request(Query),
+    /// A question, in a frame of this version.
+    Request(Query, Version),
 }
 
 impl Write {
@@ -117,7 +117,7 @@ impl Write {
     pub fn encode(&self, out: &mut Vec<u8>) {
         let encoded = match self {
             Self::Rc(channels) => order(Version::V1, channels, out),
-            Self::Request(query) => encode(&query.frame(), out),
+            Self::Request(query, version) => encode(&query.frame(*version), out),
         };
         encoded.expect("all commands fit a frame of version 1");
     }
@@ -130,8 +130,6 @@ struct Due {
     query: Query,
     /// How often it was refused in a row.
     refusals: u8,
-    /// When it was asked last, if that was not answered.
-    unanswered: Option<Duration>,
 }
 
 /// A question that waits for its answer.
@@ -139,6 +137,22 @@ struct Due {
 struct Outstanding {
     due: Due,
     asked: Duration,
+}
+
+/// A question in the present version that may be answered yet.
+#[derive(Debug, Clone, Copy)]
+struct Asked {
+    at: Duration,
+    command: u16,
+}
+
+/// Whether an answer can be used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answered {
+    /// It answers this question, which was asked that long ago.
+    InTime(Query, Duration),
+    /// It answers a question that counts as lost, or may: how it was is not how it is now. The controller lives.
+    Late,
 }
 
 impl Outstanding {
@@ -160,7 +174,6 @@ impl Outstanding {
             at,
             query,
             refusals,
-            unanswered: None,
         })
     }
 }
@@ -175,6 +188,12 @@ pub struct Schedule {
     queries: VecDeque<Due>,
     /// The oldest first.
     outstanding: VecDeque<Outstanding>,
+    /// Of the frames of questions. Answers have no numbers, but the version of their question. After one that seems to be late
+    /// the other version is used, so that what answers an earlier question is not taken for new.
+    version: Version,
+    /// What was asked in that version, the oldest first. A controller answers in this order, so an answer belongs to the oldest
+    /// question that it can answer, and what was asked before is not answered any more.
+    asked: VecDeque<Asked>,
     lost: u64,
 }
 
@@ -183,7 +202,6 @@ const fn due(at: Duration, query: Query) -> Due {
         at,
         query,
         refusals: 0,
-        unanswered: None,
     }
 }
 
@@ -202,20 +220,13 @@ impl Schedule {
             rc_due: now,
             queries: QUERIES.iter().map(|it| due(now, *it)).collect(),
             outstanding: VecDeque::new(),
+            version: Version::V1,
+            asked: VecDeque::new(),
             lost: 0,
         }
     }
 
-    /// Starts anew for a port that was opened again. The newest sticks are kept.
-    pub fn reopen(&mut self, now: Duration) {
-        let sticks = self.sticks;
-        *self = Self {
-            sticks,
-            ..Self::new(now)
-        };
-    }
-
-    /// Takes the newest sticks.
+    /// Takes the newest sticks. They go out only once the controller has said who it is: another one may be behind the port.
     pub fn set_channels(&mut self, now: Duration, channels: SetRawRc) {
         self.sticks = Some((now, channels));
     }
@@ -241,7 +252,20 @@ impl Schedule {
             self.rc_due = RC_PERIOD + if is_on_time { self.rc_due } else { now };
             return Some(Write::Rc(channels));
         }
-        self.next_query(now).map(Write::Request)
+        let query = self.next_query(now)?;
+        self.forget(now);
+        self.asked.push_back(Asked {
+            at: now,
+            command: query.command,
+        });
+        Some(Write::Request(query, self.version))
+    }
+
+    fn forget(&mut self, now: Duration) {
+        let is_over = |it: &Asked| now.saturating_sub(it.at) >= LATE_MAX;
+        while self.asked.front().is_some_and(is_over) {
+            self.asked.pop_front();
+        }
     }
 
     /// Whether RC is going out.
@@ -274,22 +298,26 @@ impl Schedule {
     }
 
     fn fresh_sticks(&self, now: Duration) -> Option<SetRawRc> {
-        let (given, channels) = self.sticks?;
+        let (given, channels) = self.sticks.filter(|_| self.is_identified())?;
         (now.saturating_sub(given) < RC_HOLD).then_some(channels)
     }
 
-    fn next_query(&mut self, now: Duration) -> Option<Query> {
+    /// Counts questions as lost that wait for too long.
+    fn expire(&mut self, now: Duration) {
         while let Some(oldest) = self.outstanding.front()
             && now.saturating_sub(oldest.asked) >= ANSWER_MAX
         {
             self.lost += 1;
             self.queries.push_back(Due {
                 at: now,
-                unanswered: Some(oldest.asked),
                 ..oldest.due
             });
             self.outstanding.pop_front();
         }
+    }
+
+    fn next_query(&mut self, now: Duration) -> Option<Query> {
+        self.expire(now);
         if self.outstanding.len() >= OUTSTANDING_MAX {
             return None;
         }
@@ -300,27 +328,40 @@ impl Schedule {
         Some(due.query)
     }
 
-    /// Whether this may be the late answer of a question that counts as lost.
-    pub(crate) fn is_answered_late(&self, now: Duration, command: u16) -> bool {
-        let asked = |it: &Due| it.unanswered.filter(|_| it.query.command == command);
-        let mut asked = self.queries.iter().filter_map(asked);
-        asked.any(|asked| now.saturating_sub(asked) < LATE_MAX)
-    }
-
-    /// Takes an answer: the question and how long it took, `None` if it answers none. A question that is refused three times
-    /// in a row is not asked again.
+    /// Takes an answer; `None` if nothing was asked in the last two seconds that it can answer. A question that is refused
+    /// three times in a row is not asked again.
     pub fn answered(
         &mut self,
         now: Duration,
-        command: u16,
+        (command, version): (u16, Version),
         is_refused: bool,
-    ) -> Option<(Query, Duration)> {
-        let is_asked = |it: &Outstanding| it.due.query.command == command;
-        let place = self.outstanding.iter().position(is_asked)?;
-        let outstanding = self.outstanding.remove(place)?;
+    ) -> Option<Answered> {
+        if version != self.version {
+            return Some(Answered::Late);
+        }
+        self.expire(now);
+        self.forget(now);
+        let place = (self.asked.iter()).position(|it| it.command == command)?;
+        let asked = self.asked.drain(..=place).next_back()?;
+        let waits = |it: &Outstanding| it.due.query.command == command && it.asked == asked.at;
+        let outstanding = (self.outstanding.iter().position(waits))
+            .and_then(|place| self.outstanding.remove(place));
+        let Some(outstanding) = outstanding else {
+            self.change_version();
+            return Some(Answered::Late);
+        };
         self.queries.extend(outstanding.answered(now, is_refused));
-        let delay = now.saturating_sub(outstanding.asked);
-        Some((outstanding.due.query, delay))
+        let delay = now.saturating_sub(asked.at);
+        Some(Answered::InTime(outstanding.due.query, delay))
+    }
+
+    /// Two versions do: once one is answered, all answers in the other have come.
+    fn change_version(&mut self) {
+        self.version = match self.version {
+            Version::V1 => Version::V2,
+            Version::V2 | Version::V2OverV1 => Version::V1,
+        };
+        self.asked.clear();
     }
 }
 

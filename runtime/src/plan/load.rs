@@ -65,6 +65,7 @@ pub fn build_plan(
     agents: Option<&Agents>,
 ) -> Result<Plan, BadInput> {
     let mission = read_mission((source, raw), read)?;
+    check_datagrams(source, raw, mission.holds())?;
     let (waypoints, agent) = waypoints_and_agent((source, raw), &mission, agents)?;
     let fenced = Fenced::of(raw, altitude_max_m(raw), mission.fence());
     let protocol = protocol(source, raw)?;
@@ -93,7 +94,6 @@ pub fn build_plan(
     };
     let fence = check_flight(source, raw, &course, fenced.as_ref(), vehicle.speed_mps)?;
     let limits = limits(raw, separation(raw), &course);
-    check_datagrams(source, raw, mission.holds())?;
     Ok(Plan(PlanParts {
         notes: notes(&mission, &layout),
         layout,

@@ -5,6 +5,7 @@ use muster_machines::node::{Address, Envelope};
 use muster_machines::routing::Notice;
 use muster_machines::time::Timestamp;
 use muster_machines::wire;
+use muster_msp::{Channel, SetRawRc};
 
 use super::Violation;
 
@@ -18,6 +19,7 @@ use super::Violation;
 /// - A vehicle is armed only while its drone takes off or flies, and not again once it has begun to land: once a flight.
 /// - A drone whose process is restarted does not arm again in that flight. If it was ordered to fly and still on the ground,
 ///   it stays there.
+/// - No high arm switch leaves for a flight controller that has not said that it is a simulation: [`ArmSwitch`].
 #[derive(Debug)]
 pub(crate) struct ArmingChecker {
     drones: Vec<Phase>,
@@ -161,6 +163,31 @@ impl ArmingChecker {
     }
 }
 
+/// Whether the arm switch of what left for a flight controller was ever high before it had said, since its port was opened, that
+/// it is a simulation. No other may be armed: scenarios fly in stage `sim`.
+#[derive(Debug, Default)]
+pub(crate) struct ArmSwitch {
+    was_early: bool,
+}
+
+impl ArmSwitch {
+    /// An RC frame leaves.
+    pub(crate) fn sent(&mut self, rc: &SetRawRc, is_simulation: bool) {
+        let is_low = rc.aux().first().is_none_or(|it| *it == Channel::LOW);
+        self.was_early |= !is_low && !is_simulation;
+    }
+
+    /// Whether a drone's switch was high too early.
+    pub(crate) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
+        self.was_early.then(|| {
+            let what = format!(
+                "drone {drone} has its arm switch high for a controller that has not said that it is a simulation"
+            );
+            violation(now, drone, what)
+        })
+    }
+}
+
 fn violation(now: Timestamp, drone: NodeId, what: String) -> Violation {
     Violation {
         rule: 6,
@@ -172,6 +199,8 @@ fn violation(now: Timestamp, drone: NodeId, what: String) -> Violation {
 
 #[cfg(test)]
 mod tests {
+    use muster_msp::Sticks;
+
     use super::*;
 
     const DRONE: NodeId = NodeId(1);
@@ -334,5 +363,18 @@ mod tests {
     fn a_drone_killed_on_the_ground_needs_the_order_again() {
         let killed = [OperatorFlies, Commands(FlightCommand::Land), TAKES_OFF];
         assert_eq!(found(&killed), Some(2));
+    }
+
+    #[test]
+    fn high_arm_switch_before_the_controller_is_known_breaks_the_rule() {
+        let rc = |arm| SetRawRc::new(Sticks::IDLE, &[arm, Channel::HIGH]).unwrap();
+        let mut switch = ArmSwitch::default();
+        switch.sent(&rc(Channel::LOW), false);
+        switch.sent(&rc(Channel::HIGH), true);
+        assert_eq!(switch.check(Timestamp::ZERO, DRONE), None);
+        switch.sent(&rc(Channel::HIGH), false);
+        switch.sent(&rc(Channel::LOW), true);
+        let found = switch.check(Timestamp::ZERO, DRONE).unwrap();
+        assert_eq!((found.rule, found.drones), (6, vec![DRONE]));
     }
 }

@@ -24,6 +24,7 @@ use muster_machines::node::{Address, Checkpoints, Effect, Envelope, StepOutput};
 use muster_machines::time::Timestamp;
 
 use self::admission::AdmissionChecker;
+pub(crate) use self::arming::ArmSwitch;
 use self::arming::ArmingChecker;
 pub(crate) use self::barrier::BarrierChecker;
 use self::bounds::BoundsChecker;

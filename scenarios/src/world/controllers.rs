@@ -5,12 +5,12 @@ use std::time::Duration;
 use muster_controller::{Contact, Controller, Fault, PoseSensor, Sticks, Truth};
 use muster_machines::identity::NodeId;
 use muster_machines::msp::controller::{
-    ACKNOWLEDGED_MIN, LOST_AFTER, Receiver, Stage, UNTOLD_AFTER,
+    ACKNOWLEDGED_MIN, HEIGHT_LOST_AFTER, LOST_AFTER, Receiver, Stage, UNTOLD_AFTER,
 };
 use muster_machines::msp::{Introduction, PortEvent};
 use muster_machines::time::Timestamp;
 use muster_msp::{
-    Conversation, Decoder, Direction, Frame, Message, SetRawRc, Telemetry as Told, Write,
+    Conversation, Decoder, Direction, Frame, Identity, Message, SetRawRc, Telemetry as Told, Write,
 };
 use muster_runtime::vehicle::VehicleKind;
 use rand::Rng;
@@ -18,7 +18,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::faulty::FaultyController;
 use super::pilot::Pilot;
-use crate::checkers::{RcGaps, Violation, Wrecks};
+use crate::checkers::{ArmSwitch, RC_GAP_MAX, RcGaps, Violation, Wrecks};
 use crate::controllers::{config, pose_errors};
 use crate::report::ControlSeries;
 use crate::scenario::{ControllerFault, Scenario};
@@ -43,13 +43,16 @@ struct Attached {
     heard_at: Timestamp,
     /// The newest that was not too late to be used.
     told_at: Timestamp,
-    /// The drone's process must stop RC until the controller disarms: its failsafe flies, no answer came for
+    /// The newest height, by the controller or a pose.
+    height_at: Timestamp,
+    /// The drone's process must stop RC until the controller disarms: its failsafe flies, no answer or no height came for
     /// too long, or too few RC frames were acknowledged.
     is_lost: bool,
     looked_at: Option<Timestamp>,
     was_armed: bool,
     wreck: Wrecks,
     gaps: RcGaps,
+    arm_switch: ArmSwitch,
     figures: PortFigures,
     series: ControlSeries,
 }
@@ -120,11 +123,13 @@ impl Controllers {
                     is_identified: false,
                     heard_at: Timestamp::ZERO,
                     told_at: Timestamp::ZERO,
+                    height_at: Timestamp::ZERO,
                     is_lost: false,
                     looked_at: None,
                     was_armed: false,
                     wreck: Wrecks::default(),
                     gaps: RcGaps::default(),
+                    arm_switch: ArmSwitch::default(),
                     figures: PortFigures {
                         opened: 1,
                         ..PortFigures::default()
@@ -290,10 +295,12 @@ impl Controllers {
         Some(attached.series.clone())
     }
 
-    /// Whether a drone's controller has waited for RC for too long, or its aircraft has broken.
+    /// Whether a drone's controller has waited for RC for too long or was armed too early, or its aircraft has broken.
     pub(crate) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
         let attached = self.0.get(drone.0 as usize)?.as_ref()?;
-        (attached.gaps.check(now, drone)).or_else(|| attached.wreck.check(now, drone))
+        (attached.arm_switch.check(now, drone))
+            .or_else(|| attached.gaps.check(now, drone))
+            .or_else(|| attached.wreck.check(now, drone))
     }
 
     /// What the port of a drone's flight controller has counted; `None` without one.
@@ -348,6 +355,7 @@ impl Attached {
             let position = self.faulty.controller.aircraft(now).position;
             sensor.measure(now, position);
             while let Some(pose) = sensor.arrived(now) {
+                self.height_at = now;
                 tell(PortEvent::Pose(pose));
             }
         }
@@ -363,14 +371,17 @@ impl Attached {
 
     fn look_for_loss(&mut self, now: Timestamp, truth: &Truth) {
         if !truth.is_armed {
-            (self.heard_at, self.told_at) = (now, now);
+            (self.heard_at, self.told_at, self.height_at) = (now, now, now);
             self.is_lost = false;
         }
         self.is_lost |= truth.is_failsafe || self.is_silent(now);
     }
 
     fn is_silent(&self, now: Timestamp) -> bool {
-        now.since(self.heard_at) >= LOST_AFTER || now.since(self.told_at) >= UNTOLD_AFTER
+        // Of the heights that came, the link may have doubted the newest.
+        now.since(self.heard_at) >= LOST_AFTER
+            || now.since(self.told_at) >= UNTOLD_AFTER
+            || now.since(self.height_at) >= HEIGHT_LOST_AFTER - RC_GAP_MAX
     }
 
     /// Notices that the port is closed, or opens it again.
@@ -383,7 +394,7 @@ impl Attached {
         self.is_identified = false;
         self.figures.opened += u64::from(is_open);
         self.figures.questions_lost += self.conversation.lost();
-        self.conversation.reopen(elapsed(now));
+        self.conversation = Conversation::new(elapsed(now));
         if !is_open {
             events.push(PortEvent::Closed);
         }
@@ -402,6 +413,9 @@ impl Attached {
                 self.heard_at = now;
                 if telemetry != Told::Late {
                     self.told_at = now;
+                }
+                if let Told::Altitude(_) = telemetry {
+                    self.height_at = now;
                 }
                 events.push(PortEvent::Told(telemetry));
             }
@@ -429,7 +443,10 @@ impl Attached {
         let Some(write) = self.conversation.tick(elapsed(now)) else {
             return;
         };
-        if matches!(write, Write::Rc(_)) {
+        if let Write::Rc(rc) = &write {
+            let identity = self.conversation.identity();
+            self.arm_switch
+                .sent(rc, identity.is_some_and(Identity::is_simulation));
             self.gaps.sent(now);
             self.figures.rc_sent += 1;
         }

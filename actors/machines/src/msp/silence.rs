@@ -4,8 +4,10 @@ use std::time::Duration;
 
 use crate::time::Timestamp;
 
-/// A timer that is later than this was held up in this process: the silence is not the other end's fault.
-const LATE: Duration = Duration::from_millis(100);
+/// A link that was not called for longer than this was held up in its own process: the silence may not be the other end's fault.
+const HELD_UP: Duration = Duration::from_millis(100);
+/// How often a link is to be called while it watches.
+const LOOK_EVERY: Duration = Duration::from_millis(50);
 
 /// Watches whether a vehicle that is armed, or may be, is heard.
 #[derive(Debug)]
@@ -13,37 +15,93 @@ pub(super) struct Silence {
     max: Duration,
     /// When it has lasted too long. `None` if the vehicle is disarmed.
     ends: Option<Timestamp>,
+    /// The last call while it watched.
+    looked: Timestamp,
 }
 
 impl Silence {
     /// A silence that begins now.
     pub(super) fn new(max: Duration, may_be_armed: bool, now: Timestamp) -> Self {
-        let ends = may_be_armed.then_some(now + max);
-        Self { max, ends }
+        Self {
+            max,
+            ends: may_be_armed.then_some(now + max),
+            looked: now,
+        }
     }
 
     /// The vehicle said whether it is armed.
     pub(super) fn watch(&mut self, now: Timestamp, armed: bool) {
         self.ends = armed.then_some(now + self.max);
+        self.looked = now;
     }
 
     /// The vehicle said something else.
     pub(super) fn heard(&mut self, now: Timestamp) {
-        self.watch(now, self.ends.is_some());
+        self.watch(now, self.is_watching());
+    }
+
+    /// Whether the vehicle is armed, or may be.
+    pub(super) const fn is_watching(&self) -> bool {
+        self.ends.is_some()
     }
 
     /// When to call [`Self::handle_timeout`].
-    pub(super) const fn deadline(&self) -> Option<Timestamp> {
-        self.ends
+    pub(super) fn deadline(&self) -> Option<Timestamp> {
+        Some(self.ends?.min(self.looked + LOOK_EVERY))
     }
 
-    /// Returns whether it has just lasted too long.
+    /// Returns whether it has just lasted too long. A silence during which the link was held up begins anew.
     pub(super) fn handle_timeout(&mut self, now: Timestamp) -> bool {
-        let Some(at) = self.ends.filter(|at| *at <= now) else {
+        let Some(ends) = self.ends else {
             return false;
         };
-        let is_too_long = now.since(at) <= LATE;
-        self.watch(now, !is_too_long);
+        if now.since(self.looked) > HELD_UP {
+            self.watch(now, true);
+            return false;
+        }
+        self.looked = now;
+        let is_too_long = ends <= now;
+        if is_too_long {
+            self.ends = None;
+        }
         is_too_long
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(milliseconds: u64) -> Timestamp {
+        Timestamp::from_nanos(milliseconds * 1_000_000)
+    }
+
+    /// When a silence of a second that begins at 0 has lasted too long, for a link that is called when it asks to be but while
+    /// it is held up.
+    fn ends(held_up: std::ops::Range<u64>) -> Timestamp {
+        let mut silence = Silence::new(Duration::from_secs(1), true, at(0));
+        loop {
+            let mut now = silence.deadline().expect("it watches");
+            if now >= at(held_up.start) && now < at(held_up.end) {
+                now = at(held_up.end);
+            }
+            if silence.handle_timeout(now) {
+                assert!(!silence.is_watching());
+                return now;
+            }
+        }
+    }
+
+    #[test]
+    fn silence_is_noticed_when_it_has_lasted_too_long() {
+        assert_eq!(ends(0..0), at(1_000));
+        assert_eq!(ends(400..440), at(1_000), "a moment");
+    }
+
+    #[test]
+    fn silence_during_which_the_link_was_held_up_begins_anew() {
+        for (from, to) in [(10, 900), (10, 1_050), (900, 1_090), (500, 3_000)] {
+            assert_eq!(ends(from..to), at(to + 1_000), "{from} to {to} ms");
+        }
     }
 }

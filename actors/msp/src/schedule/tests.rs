@@ -6,7 +6,7 @@ struct Line {
     schedule: Schedule,
     now: Duration,
     answers: bool,
-    asked: Option<u16>,
+    asked: Option<(u16, Version)>,
 }
 
 impl Line {
@@ -19,14 +19,22 @@ impl Line {
         }
     }
 
+    /// With a controller that has said who it is.
+    fn identified() -> Self {
+        let mut line = Self::new();
+        line.run(20, false);
+        assert!(line.schedule.is_identified());
+        line
+    }
+
     fn tick(&mut self, step: Duration) -> Option<Write> {
         self.now += step;
-        if let Some(command) = self.asked.take().filter(|_| self.answers) {
-            self.schedule.answered(self.now, command, false);
+        if let Some(answer) = self.asked.take().filter(|_| self.answers) {
+            self.schedule.answered(self.now, answer, false);
         }
         let write = self.schedule.tick(self.now);
-        if let Some(Write::Request(query)) = write {
-            self.asked = Some(query.command);
+        if let Some(Write::Request(query, version)) = write {
+            self.asked = Some((query.command, version));
         }
         write
     }
@@ -40,7 +48,7 @@ impl Line {
             }
             match self.tick(TICK) {
                 Some(Write::Rc(_)) => rc.push(self.now),
-                Some(Write::Request(query)) => asked.push(query),
+                Some(Write::Request(query, _)) => asked.push(query),
                 None => {}
             }
         }
@@ -55,7 +63,7 @@ fn channels() -> SetRawRc {
 #[test]
 fn rc_goes_out_every_20_ms_whatever_is_asked() {
     for answers in [true, false] {
-        let mut line = Line::new();
+        let mut line = Line::identified();
         line.answers = answers;
         let (rc, _) = line.run(1_000, true);
         assert_eq!(rc.len(), 500);
@@ -66,7 +74,7 @@ fn rc_goes_out_every_20_ms_whatever_is_asked() {
 /// A defect of the indoor thesis's code: bad input replayed the last sticks for ever.
 #[test]
 fn sticks_are_repeated_for_100_ms_and_no_longer() {
-    let mut line = Line::new();
+    let mut line = Line::identified();
     line.run(10, true);
     let given = line.now - TICK;
     let (rc, _) = line.run(100, false);
@@ -77,8 +85,20 @@ fn sticks_are_repeated_for_100_ms_and_no_longer() {
 }
 
 #[test]
-fn released_sticks_are_not_repeated() {
+fn no_sticks_go_out_before_the_controller_has_said_who_it_is() {
     let mut line = Line::new();
+    line.answers = false;
+    assert_eq!(line.run(100, true).0, []);
+    line.answers = true;
+    let (rc, asked) = line.run(30, true);
+    let first = rc.first().expect("it is known now");
+    assert!(line.schedule.is_identified() && asked.contains(&STOP_MOTORS));
+    assert!(line.now - *first < 20 * TICK, "{first:?}");
+}
+
+#[test]
+fn released_sticks_are_not_repeated() {
+    let mut line = Line::identified();
     line.run(10, true);
     line.schedule.release();
     assert_eq!(line.run(100, false).0, []);
@@ -86,7 +106,7 @@ fn released_sticks_are_not_repeated() {
 
 #[test]
 fn late_ticks_lower_no_rate() {
-    let mut line = Line::new();
+    let mut line = Line::identified();
     let mut rc = 0;
     for tick in 0..1_000 {
         line.schedule.set_channels(line.now, channels());
@@ -141,12 +161,12 @@ fn asked_of_gps(is_refused: impl Fn(u32) -> bool) -> u32 {
     line.answers = false;
     let mut asked = 0;
     for _ in 0..200 {
-        if let Some(Write::Request(query)) = line.tick(TICK) {
+        if let Some(Write::Request(query, _)) = line.tick(TICK) {
             asked += u32::from(query.command == RawGps::COMMAND);
         }
-        if let Some(command) = line.asked.take() {
-            let is_refused = command == RawGps::COMMAND && is_refused(asked);
-            let answer = line.schedule.answered(line.now, command, is_refused);
+        if let Some(answer) = line.asked.take() {
+            let is_refused = answer.0 == RawGps::COMMAND && is_refused(asked);
+            let answer = line.schedule.answered(line.now, answer, is_refused);
             assert!(answer.is_some());
         }
     }
@@ -182,22 +202,120 @@ fn unanswered_questions_count_as_lost() {
     line.answers = false;
     line.run(101, false);
     assert_eq!(line.schedule.lost(), 37, "four each 100 ms");
-    assert_eq!(line.schedule.answered(line.now, 9_999, false), None);
+    assert_eq!(
+        line.schedule
+            .answered(line.now, (9_999, Version::V1), false),
+        None
+    );
 }
 
 #[test]
 fn a_late_answer_answers_nothing_but_shows_for_two_seconds_that_the_controller_lives() {
+    for (ticks, expected) in [(20, Some(Answered::Late)), (250, None)] {
+        let mut line = Line::new();
+        line.answers = false;
+        line.run(1, false);
+        let asked = line.asked.take().expect("a question");
+        let later = line.now + TICK * ticks;
+        assert_eq!(
+            line.schedule.answered(later, (9_999, Version::V1), false),
+            None
+        );
+        assert_eq!(line.schedule.answered(later, asked, false), expected);
+    }
+}
+
+/// What came of the answers of a minute.
+#[derive(Debug, Default)]
+struct Tally {
+    in_time: usize,
+    late: usize,
+    /// The tick of the last answer that was late.
+    last_late: usize,
+}
+
+/// Answers come in order, each this late, but for those that are lost, by the number of their tick. Checks how long each is
+/// said to have taken.
+fn answered(late: impl Fn(usize) -> Duration, is_lost: impl Fn(usize) -> bool) -> Tally {
     let mut line = Line::new();
     line.answers = false;
-    line.run(1, false);
-    let asked = line.asked.expect("a question");
-    assert!(!line.schedule.is_answered_late(line.now, asked), "in time");
-    line.run(20, false);
-    assert!(line.schedule.is_answered_late(line.now, asked));
-    assert!(!line.schedule.is_answered_late(line.now, 9_999));
-    assert_eq!(line.schedule.answered(line.now, asked, false), None);
-    let later = line.now + LATE_MAX;
-    assert!(!line.schedule.is_answered_late(later, asked));
+    let (mut tally, mut on_their_way) = (Tally::default(), VecDeque::new());
+    for number in 0..6_000 {
+        line.schedule.set_channels(line.now, channels());
+        if let Some(Write::Request(query, version)) = line.tick(TICK)
+            && !is_lost(number)
+        {
+            let answer = (query.command, version);
+            on_their_way.push_back((line.now, line.now + late(number), answer));
+        }
+        while let Some((at, arrives, answer)) = on_their_way.front().copied()
+            && arrives <= line.now
+        {
+            on_their_way.pop_front();
+            match line.schedule.answered(line.now, answer, false) {
+                Some(Answered::InTime(query, delay)) => {
+                    assert_eq!((query.command, delay), (answer.0, line.now - at));
+                    tally.in_time += 1;
+                }
+                Some(Answered::Late) => {
+                    tally.late += 1;
+                    tally.last_late = number;
+                }
+                None => {}
+            }
+        }
+    }
+    tally
+}
+
+#[test]
+fn an_answer_is_as_old_as_its_question_however_often_that_was_asked_again() {
+    for late_ms in [0, 30, 90] {
+        let tally = answered(|_| Duration::from_millis(late_ms), |_| false);
+        assert!(
+            tally.in_time > 1_500 && tally.late == 0,
+            "{late_ms} ms: {tally:?}"
+        );
+    }
+    for late_ms in [120, 130, 200, 500, 1_500] {
+        let tally = answered(|_| Duration::from_millis(late_ms), |_| false);
+        assert!(
+            tally.late > 1_500 && tally.in_time == 0,
+            "{late_ms} ms: {tally:?}"
+        );
+        // The line gets slow after ten seconds.
+        let late = |number| Duration::from_millis(if number < 1_000 { 10 } else { late_ms });
+        let tally = answered(late, |_| false);
+        assert!(
+            tally.late > 1_500 && tally.in_time < 500,
+            "{late_ms} ms: {tally:?}"
+        );
+    }
+}
+
+#[test]
+fn lost_answers_make_no_later_one_late() {
+    for every in [7, 50, 200] {
+        for late_ms in [0, 30, 60] {
+            let tally = answered(|_| Duration::from_millis(late_ms), |it| it % every == 0);
+            let what = format!("{every}, {late_ms} ms: {tally:?}");
+            assert!(tally.in_time > 1_200 && tally.late == 0, "{what}");
+        }
+    }
+}
+
+#[test]
+fn answers_are_used_again_soon_after_none_came_for_a_while() {
+    for ticks in [5, 15, 50, 150, 250, 400] {
+        let (from, late) = (1_003, Duration::from_millis(20));
+        let tally = answered(|_| late, |it| (from..from + ticks).contains(&it));
+        let what = format!("{ticks}: {tally:?}");
+        assert!(
+            tally.late <= 4 && tally.last_late <= from + ticks + 20,
+            "{what}"
+        );
+        assert!(tally.in_time > 2_000, "{what}");
+    }
 }
 
 /// 8 channels, or all 18, at 50 Hz with a question in every other tick: bytes a second, 10 bits each.
@@ -218,10 +336,10 @@ fn motors_are_told_to_stop_whenever_the_port_is_opened() {
         let stops = asked.iter().filter(|it| it.command == SetMotor::COMMAND);
         let written = stops.map(|query| {
             let mut bytes = Vec::new();
-            Write::Request(*query).encode(&mut bytes);
+            Write::Request(*query, Version::V1).encode(&mut bytes);
             bytes
         });
         assert_eq!(written.collect::<Vec<_>>(), [&stop[..]]);
-        line.schedule.reopen(line.now);
+        line.schedule = Schedule::new(line.now);
     }
 }

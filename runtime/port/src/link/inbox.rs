@@ -69,7 +69,7 @@ impl Inbox {
     ) {
         self.is_unlooked = must_look && look.is_none();
         self.disarmed = 0;
-        self.conversation.reopen(now);
+        self.conversation = Conversation::new(now);
         self.wire = Some(wire);
         self.is_identified = false;
         self.latency = Latency::default();

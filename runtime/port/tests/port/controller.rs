@@ -10,15 +10,15 @@ use std::time::Instant;
 
 use muster_msp::{
     ApiVersion, Attitude, BoardInfo, BoxIds, Decode, Decoder, Direction, FcVariant, FcVersion,
-    Frame, Letters, Message, Mode, ReceivedRc, Status, Version, acknowledge, encode, refuse, reply,
+    Frame, Letters, Message, Mode, ReceivedRc, Status, acknowledge, encode, refuse, reply,
 };
 use muster_port::Address;
 
 /// What a controller does with the bytes that it reads.
 #[derive(Clone, Copy)]
 pub(crate) struct Manner {
-    /// Whether it answers questions; it always takes RC.
-    pub(crate) answers: bool,
+    /// How many questions it answers; it always takes RC.
+    pub(crate) answers_max: usize,
     /// Written before each answer.
     pub(crate) noise: &'static [u8],
     /// Closes the first connection after so many frames.
@@ -26,7 +26,7 @@ pub(crate) struct Manner {
 }
 
 pub(crate) const KIND: Manner = Manner {
-    answers: true,
+    answers_max: usize::MAX,
     noise: b"",
     frames_max: usize::MAX,
 };
@@ -105,7 +105,7 @@ fn serve(mut from: impl Read, mut to: impl Write, manner: Manner, seen: &Mutex<S
     locked(seen).connections += 1;
     let mut decoder = Decoder::default();
     let mut buffer = [0; 256];
-    let (mut frames, mut noise) = (0, 0);
+    let (mut frames, mut answers, mut noise) = (0, 0, 0);
     while let Ok(length @ 1..) = from.read(&mut buffer) {
         let mut out = Vec::new();
         decoder.read(&buffer[..length], |frame| {
@@ -116,7 +116,8 @@ fn serve(mut from: impl Read, mut to: impl Write, manner: Manner, seen: &Mutex<S
                 let received = ReceivedRc::decode(frame.payload).expect("RC");
                 seen.rc.push((Instant::now(), received));
                 acknowledge(frame.version, frame.command, &mut out).expect("v1");
-            } else if manner.answers {
+            } else if answers < manner.answers_max {
+                answers += 1;
                 out.extend(manner.noise);
                 answer(&frame, &mut out);
             }
@@ -160,7 +161,7 @@ fn boxes(question: &Frame<'_>, out: &mut Vec<u8>) -> Result<(), muster_msp::Enco
         _ => (0..32).collect(),
     };
     let frame = Frame {
-        version: Version::V1,
+        version: question.version,
         direction: Direction::Reply,
         command: BoxIds::COMMAND,
         flag: 0,

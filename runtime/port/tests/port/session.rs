@@ -46,7 +46,7 @@ fn a_refused_question_and_a_silent_controller_are_told_apart() {
     );
 
     let controller = Controller::on_tcp(Manner {
-        answers: false,
+        answers_max: 0,
         ..KIND
     });
     let mut session = Session::open(&controller.address).expect("it is there");

@@ -180,6 +180,19 @@ fn rule_7_breaks_when_rc_has_been_missing_for_a_tenth_of_a_second() {
 }
 
 #[test]
+fn sticks_of_before_a_port_was_closed_do_not_leave_when_it_opens_again() {
+    let mut bench = Bench::flying("sole", 5);
+    // The link hangs, so the newest sticks, with a high arm switch, are held for 100 ms.
+    bench.is_up = false;
+    let closed = Some(Duration::from_millis(30));
+    (bench.controllers).affect(bench.now, DRONE, ControllerFault::ClosePort, closed);
+    let opened = bench.attached().figures.opened;
+    bench.pass(0.15);
+    assert_eq!(bench.attached().figures.opened, opened + 1);
+    assert_eq!(bench.violation, None);
+}
+
+#[test]
 fn new_link_gets_its_port_and_the_newest_statuses_at_once() {
     let mut bench = Bench::flying("sole", 1);
     bench.pass(3.0);

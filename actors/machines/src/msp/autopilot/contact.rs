@@ -75,7 +75,7 @@ impl Contact {
     }
 
     /// When to call [`Self::handle_timeout`].
-    pub(super) const fn deadline(&self) -> Option<Timestamp> {
+    pub(super) fn deadline(&self) -> Option<Timestamp> {
         self.silence.deadline()
     }
 

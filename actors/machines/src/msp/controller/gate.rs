@@ -8,8 +8,6 @@ use super::tether;
 
 /// Value of the switch of the mode ANGLE: always on.
 const ANGLE: Channel = Channel::HIGH;
-/// Board of Betaflight's software in the loop and of ours, which no motor hangs on.
-const SIMULATION: [u8; 4] = *b"SITL";
 
 /// What may leave for a controller.
 ///
@@ -65,8 +63,7 @@ impl Gate {
 
     /// Whether the controller says that no motor hangs on it.
     pub(super) fn is_simulation(&self) -> bool {
-        let board = self.identity.as_ref().map(|it| it.board.board.0);
-        board == Some(SIMULATION)
+        self.identity.as_ref().is_some_and(Identity::is_simulation)
     }
 
     /// Whether its stage lets it fly this controller.

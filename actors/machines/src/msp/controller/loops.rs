@@ -21,7 +21,7 @@ use crate::time::Timestamp;
 const STEP_MAX_S: f64 = 0.1;
 
 /// Time without a height after which a vehicle can't be flown. An estimate that is predicted for so long may be metres off.
-const HEIGHT_LOST_AFTER: Duration = Duration::from_secs(3);
+pub const HEIGHT_LOST_AFTER: Duration = Duration::from_secs(3);
 
 /// What a vehicle flies that a pilot handed over in the air before it was told anything.
 const fn hold(altitude_m: f64) -> Setpoint {

@@ -30,6 +30,7 @@ pub use self::checkpoint::Flight;
 pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
 pub use self::estimator::fix_place;
 use self::gate::Gate;
+pub use self::loops::HEIGHT_LOST_AFTER;
 use self::loops::{ControlLoops, Hands};
 pub use self::message::{PortEvent, Pose};
 use self::reports::{Reported, Reports};
