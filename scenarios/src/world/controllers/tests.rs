@@ -289,6 +289,21 @@ fn assert_lands(seed: u64, fault: ControllerFault, why: LandingCause, told_s: f6
 }
 
 #[test]
+fn a_landing_whose_heights_all_come_too_late_goes_on_slowly() {
+    let delay = ControllerFault::DelayBytes(Duration::from_millis(92));
+    for (seed, after_s) in (0..).zip([0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]) {
+        let mut bench = Bench::flying("sole", seed);
+        bench.pass(8.0);
+        bench.give(Input::FlightCommand(FlightCommand::Land));
+        bench.pass(after_s);
+        bench.affect(delay);
+        bench.pass(30.0);
+        let contact = bench.truth.expect("it has flown").contact;
+        assert_eq!(contact, Contact::Ground, "{after_s} s");
+    }
+}
+
+#[test]
 fn an_aircraft_without_one_propeller_tumbles_is_reported_and_stops_its_motors() {
     for seed in 0..10 {
         let end = end_of(seed, ControllerFault::WeakenMotor(Some(2), 1.0));

@@ -81,6 +81,11 @@ impl Control {
         self.down_mps2
     }
 
+    /// The acceleration downwards that the last sticks should have given, in m/s².
+    pub(super) fn expected_down_mps2(&self) -> f64 {
+        self.down_mps2 - self.integral.z
+    }
+
     /// Thrust had no effect: what was asked for counts as learnt, and from now on as much is asked for as the motors have.
     pub(super) fn expect_little_thrust(&mut self) {
         self.is_weak = true;
@@ -111,14 +116,15 @@ impl Control {
         self.sticks(Vector3::new(0.0, 0.0, self.integral.z), tilt)
     }
 
-    /// Sticks that bring a vehicle to its reference, `seconds` after the last.
+    /// Sticks that bring a vehicle to its reference, `seconds` after the last. `is_blind`: its height is only predicted, so
+    /// nothing is to be learnt from it.
     pub(super) fn step(
         &mut self,
         seconds: f64,
         reference: &Reference,
         estimate: &Estimate,
         tilt: Tilt,
-        lean: Lean,
+        (lean, is_blind): (Lean, bool),
     ) -> Sticks {
         let gains = &self.gains;
         let distance = (reference.position - estimate.position).0;
@@ -158,6 +164,9 @@ impl Control {
             (growth.x, growth.y) = (0.0, 0.0);
         } else {
             self.steady += (self.integral.xy() - self.steady) * (seconds / STEADY_S).min(1.0);
+        }
+        if is_blind {
+            growth.z = 0.0;
         }
         if !is_saturated {
             let limit = INTEGRAL_MAX_MPS2;
@@ -254,7 +263,7 @@ mod tests {
             yaw_rad: yaw_deg.to_radians(),
             ..Tilt::default()
         };
-        Control::new(Gains::QUADCOPTER).step(0.02, &reference(), estimate, tilt, lean)
+        Control::new(Gains::QUADCOPTER).step(0.02, &reference(), estimate, tilt, (lean, false))
     }
 
     #[test]
@@ -291,7 +300,7 @@ mod tests {
             let mut control = Control::new(gains);
             let mut step = |estimate| {
                 let tilt = Tilt::default();
-                control.step(0.02, &reference(), estimate, tilt, Lean::Free)
+                control.step(0.02, &reference(), estimate, tilt, (Lean::Free, false))
             };
             step(before);
             step(&south)
@@ -303,7 +312,8 @@ mod tests {
     fn without_a_position_it_leans_against_the_wind_that_it_knows() {
         let mut control = Control::new(Gains::QUADCOPTER);
         let south = estimate(-0.5, 0.0, 0.0);
-        let mut step = |lean| control.step(0.02, &reference(), &south, Tilt::default(), lean);
+        let mut step =
+            |lean| control.step(0.02, &reference(), &south, Tilt::default(), (lean, false));
         for _ in 0..100 {
             step(Lean::Free);
         }
@@ -349,7 +359,13 @@ mod tests {
         let low = estimate(0.0, 0.0, 0.5);
         let before = control.hover_throttle();
         for _ in 0..100 {
-            control.step(0.02, &reference(), &low, Tilt::default(), Lean::Free);
+            control.step(
+                0.02,
+                &reference(),
+                &low,
+                Tilt::default(),
+                (Lean::Free, false),
+            );
         }
         assert!(control.hover_throttle() > before);
     }

@@ -30,6 +30,8 @@ pub(super) struct Guidance {
     motion: Option<Motion>,
     setpoint: Option<Setpoint>,
     is_landing: bool,
+    /// Whether it lands slowly, since it does not know how high it is.
+    is_blind: bool,
 }
 
 impl Guidance {
@@ -39,6 +41,7 @@ impl Guidance {
             motion: None,
             setpoint: None,
             is_landing: false,
+            is_blind: false,
         }
     }
 
@@ -87,13 +90,19 @@ impl Guidance {
     }
 
     /// Where the vehicle should be. `None` on the ground, before the first setpoint. `still_for`: how long it has been still in
-    /// a landing.
+    /// a landing. `is_blind`: its height has not been measured for so long that it may be anywhere near the ground; a landing
+    /// goes on as slowly as at its end.
     pub(super) fn reference(
         &mut self,
         now: Timestamp,
         estimate: &Estimate,
         still_for: Duration,
+        is_blind: bool,
     ) -> Option<Reference> {
+        let was_blind = std::mem::replace(&mut self.is_blind, self.is_landing && is_blind);
+        if was_blind && !self.is_blind {
+            self.begin_anew(now, estimate);
+        }
         let motion = self.motion.as_mut()?;
         motion.forget(now);
         let is_left_behind = motion.position(now).distance_m(estimate.position) > LEFT_BEHIND_M;
@@ -102,6 +111,9 @@ impl Guidance {
         }
         let motion = self.motion.as_ref()?;
         let position = motion.position(now);
+        if self.is_blind {
+            return Some(self.ground(position, estimate, Duration::ZERO));
+        }
         if self.is_landing && motion.is_at_rest(now) {
             return Some(self.ground(position, estimate, still_for));
         }

@@ -181,6 +181,7 @@ impl ControlLoops {
     ) -> Sticks {
         let seconds = now.since(self.stepped_at).as_secs_f64().min(STEP_MAX_S);
         self.stepped_at = now;
+        self.estimator.expect_up(0.0);
         let tilt = self.estimator.tilt();
         match hands {
             Hands::Nobody => {
@@ -225,7 +226,8 @@ impl ControlLoops {
         seconds: f64,
     ) -> Option<Sticks> {
         let still_for = self.touchdown.still_for(now);
-        let reference = self.guidance.reference(now, estimate, still_for)?;
+        let is_blind = self.estimator.is_blind(now);
+        let reference = (self.guidance).reference(now, estimate, still_for, is_blind)?;
         let reference = match (stage, self.start) {
             (Stage::Tethered, Some(start)) => tether::reference(start, reference),
             _ => reference,
@@ -237,7 +239,9 @@ impl ControlLoops {
             None => Lean::Free,
         };
         let tilt = self.estimator.tilt();
-        Some((self.control).step(seconds, &reference, estimate, tilt, lean))
+        let sticks = (self.control).step(seconds, &reference, estimate, tilt, (lean, is_blind));
+        (self.estimator).expect_up(-self.control.expected_down_mps2());
+        Some(sticks)
     }
 
     fn level_if(&self, flies: bool, tilt: Tilt) -> Sticks {

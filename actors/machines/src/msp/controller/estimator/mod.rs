@@ -24,6 +24,10 @@ use crate::geodetic::{Geodetic, local_ned};
 use crate::geometry::{Ned, Velocity};
 use crate::time::Timestamp;
 
+/// Age of the newest height from which on it is predicted by what the sticks ask for, and a landing goes on slowly: four did not
+/// come.
+const BLIND_AFTER: Duration = Duration::from_millis(400);
+
 /// Standard gravity, in m/s².
 pub(super) const GRAVITY_MPS2: f64 = 9.806_65;
 /// Time of rejected or missing positions after which the position is lost.
@@ -122,6 +126,8 @@ pub(super) struct Estimator {
     height_at: Timestamp,
     /// The newest accepted height of a pose.
     posed_at: Option<Timestamp>,
+    /// What the newest sticks ask for, upwards, in m/s².
+    expected_up_mps2: f64,
     /// What is added to the controller's own height, in metres.
     offset_m: f64,
 }
@@ -147,6 +153,7 @@ impl Estimator {
             fixed_at: now,
             height_at: now,
             posed_at: None,
+            expected_up_mps2: 0.0,
             offset_m: 0.0,
         }
     }
@@ -212,6 +219,16 @@ impl Estimator {
         )
     }
 
+    /// Whether so many heights did not come that the height is only predicted.
+    pub(super) fn is_blind(&self, now: Timestamp) -> bool {
+        self.height_age(now) > BLIND_AFTER
+    }
+
+    /// The acceleration upwards that the newest sticks ask for, in m/s². It counts while the height is only predicted.
+    pub(super) const fn expect_up(&mut self, up_mps2: f64) {
+        self.expected_up_mps2 = up_mps2;
+    }
+
     /// Predicts the motion at `now`.
     pub(super) fn predict(&mut self, now: Timestamp) {
         let seconds = now.since(self.at).as_secs_f64().min(STEP_MAX_S);
@@ -231,8 +248,12 @@ impl Estimator {
             let by = by - self.drag_per_s * axis.velocity_mps;
             axis.predict(seconds, by, noise_mps2);
         }
+        let up_mps2 = match self.is_blind(now) && !self.stands {
+            true => self.expected_up_mps2,
+            false => 0.0,
+        };
         if let Some(axis) = &mut self.vertical {
-            axis.predict(seconds, 0.0, vertical_noise_mps2);
+            axis.predict(seconds, up_mps2, vertical_noise_mps2);
         }
         if let Some([north, east]) = self.horizontal {
             let up_m = self.vertical.map_or(0.0, |it| it.position_m);
