@@ -31,6 +31,8 @@ pub(super) fn controlled(
     let receivers = places.map(|(id, place)| {
         let mut config = Config::new(plan.home, settings(id));
         config.place = place;
+        // For as long as any test: the usual one hovers for seven minutes.
+        config.airframe.battery.capacity_mah *= 3.0;
         let receiver = Receiver::start(config);
         let vehicle = format!(
             "vehicle = \"msp\"\nport = \"{}\"\nreceiver = \"sole\"",

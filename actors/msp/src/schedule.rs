@@ -20,7 +20,7 @@ const ANSWER_MAX: Duration = Duration::from_millis(100);
 /// How many questions may wait for their answers. With one, a line that takes 30 ms each way would bring heights three times a
 /// second, too few to hold one.
 const OUTSTANDING_MAX: usize = 4;
-/// Time after a command for which its answer shows that the controller lives.
+/// Time after a question for which its answer shows that the controller lives.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
 /// How often in a row a question is refused until it is not asked any more. An altered byte makes an answer a refusal that no
