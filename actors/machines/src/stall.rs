@@ -9,7 +9,7 @@ use crate::time::Timestamp;
 
 /// Shortest delay of a deadline that counts as a stall: twice the 50 ms after which an actor counts as hung, and about
 /// ten times the timer delay of a busy Linux without real-time scheduling.
-const STALL_MIN: Duration = Duration::from_millis(100);
+pub(crate) const STALL_MIN: Duration = Duration::from_millis(100);
 
 /// Remembers a machine's deadline to detect a late step.
 #[derive(Debug, Clone, Copy, Default)]

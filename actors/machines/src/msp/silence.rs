@@ -2,10 +2,9 @@
 
 use std::time::Duration;
 
+use crate::stall::STALL_MIN;
 use crate::time::Timestamp;
 
-/// A link that was not called for longer than this was held up in its own process: the silence may not be the other end's fault.
-const HELD_UP: Duration = Duration::from_millis(100);
 /// How often a link is to be called while it watches.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
@@ -50,21 +49,14 @@ impl Silence {
         Some(self.ends?.min(self.looked + LOOK_EVERY))
     }
 
-    /// Returns whether it has just lasted too long. A silence during which the link was held up begins anew.
+    /// Returns whether it has just lasted too long. A silence during which the link was not called for longer than
+    /// [`STALL_MIN`] begins anew: it was held up itself, and the silence may not be the other end's fault.
     pub(super) fn handle_timeout(&mut self, now: Timestamp) -> bool {
-        let Some(ends) = self.ends else {
-            return false;
-        };
-        if now.since(self.looked) > HELD_UP {
+        if self.is_watching() && now.since(self.looked) > STALL_MIN {
             self.watch(now, true);
-            return false;
         }
         self.looked = now;
-        let is_too_long = ends <= now;
-        if is_too_long {
-            self.ends = None;
-        }
-        is_too_long
+        self.ends.take_if(|ends| *ends <= now).is_some()
     }
 }
 
