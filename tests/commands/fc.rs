@@ -34,16 +34,17 @@ fn replies() -> Vec<Vec<u8>> {
     all
 }
 
-fn answer(question: &Frame<'_>, out: &mut Vec<u8>) {
-    for reply in replies() {
-        let mut is_found = false;
-        Decoder::default().read(&reply, |frame| {
-            let is_reply = frame.direction == Direction::Reply;
-            is_found =
-                is_reply && (frame.command, frame.version) == (question.command, question.version);
+/// The same reply in the version of its question, as Betaflight does.
+fn answer(replies: &[Vec<u8>], question: &Frame<'_>, out: &mut Vec<u8>) {
+    let length = out.len();
+    for reply in replies {
+        Decoder::default().read(reply, |frame| {
+            if frame.direction == Direction::Reply && frame.command == question.command {
+                let version = question.version;
+                encode(&Frame { version, ..frame }, out).unwrap();
+            }
         });
-        if is_found {
-            out.extend(reply);
+        if out.len() > length {
             return;
         }
     }
@@ -56,11 +57,13 @@ fn answer(question: &Frame<'_>, out: &mut Vec<u8>) {
 }
 
 fn serve(mut stream: TcpStream) {
-    let mut decoder = Decoder::default();
+    let (replies, mut decoder) = (replies(), Decoder::default());
     let mut buffer = [0; 256];
     while let Ok(length @ 1..) = stream.read(&mut buffer) {
         let mut out = Vec::new();
-        decoder.read(&buffer[..length], |frame| answer(&frame, &mut out));
+        decoder.read(&buffer[..length], |frame| {
+            answer(&replies, &frame, &mut out)
+        });
         if stream.write_all(&out).is_err() {
             return;
         }

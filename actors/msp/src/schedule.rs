@@ -20,6 +20,9 @@ const ANSWER_MAX: Duration = Duration::from_millis(100);
 /// How many questions may wait for their answers. With one, a line that takes 30 ms each way would bring heights three times a
 /// second, too few to hold one.
 const OUTSTANDING_MAX: usize = 4;
+/// A late answer halves how many questions may wait: a controller that serves few commands a second answers four too late, but
+/// one in time. So many answers in time allow one more.
+const IN_TIME_MIN: u8 = 16;
 /// Time after a question for which its answer shows that the controller lives.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
@@ -194,7 +197,40 @@ pub struct Schedule {
     /// What was asked in that version, the oldest first. A controller answers in this order, so an answer belongs to the oldest
     /// question that it can answer, and what was asked before is not answered any more.
     asked: VecDeque<Asked>,
+    window: Window,
     lost: u64,
+}
+
+/// How many questions may wait for their answers at present.
+#[derive(Debug)]
+struct Window {
+    size: usize,
+    /// Answers in time since it changed.
+    in_time: u8,
+}
+
+impl Window {
+    const WHOLE: Self = Self {
+        size: OUTSTANDING_MAX,
+        in_time: 0,
+    };
+
+    fn halve(&mut self) {
+        *self = Self {
+            size: (self.size / 2).max(1),
+            in_time: 0,
+        };
+    }
+
+    fn answered_in_time(&mut self) {
+        self.in_time += 1;
+        if self.in_time >= IN_TIME_MIN {
+            *self = Self {
+                size: (self.size + 1).min(OUTSTANDING_MAX),
+                in_time: 0,
+            };
+        }
+    }
 }
 
 const fn due(at: Duration, query: Query) -> Due {
@@ -222,6 +258,7 @@ impl Schedule {
             outstanding: VecDeque::new(),
             version: Version::V1,
             asked: VecDeque::new(),
+            window: Window::WHOLE,
             lost: 0,
         }
     }
@@ -318,7 +355,7 @@ impl Schedule {
 
     fn next_query(&mut self, now: Duration) -> Option<Query> {
         self.expire(now);
-        if self.outstanding.len() >= OUTSTANDING_MAX {
+        if self.outstanding.len() >= self.window.size {
             return None;
         }
         let first = self.queries.iter().map(|it| it.at).min()?;
@@ -348,8 +385,10 @@ impl Schedule {
             .and_then(|place| self.outstanding.remove(place));
         let Some(outstanding) = outstanding else {
             self.change_version();
+            self.window.halve();
             return Some(Answered::Late);
         };
+        self.window.answered_in_time();
         self.queries.extend(outstanding.answered(now, is_refused));
         let delay = now.saturating_sub(asked.at);
         Some(Answered::InTime(outstanding.due.query, delay))

@@ -1,12 +1,14 @@
 use std::path::Path;
+use std::sync::Arc;
 
 use muster_controller::Contact;
 use muster_machines::geometry::Ned;
 use muster_machines::machine::Output;
 use muster_machines::msp::controller::Stage;
 use muster_machines::msp::{
-    FlightCommand, Input, LandingCause, Link, Setpoint, Telemetry, Transmit,
+    Checkpoint, Event, FlightCommand, Input, LandingCause, Link, Setpoint, Telemetry, Transmit,
 };
+use muster_machines::node::LinkBuilder;
 use muster_msp::TICK;
 use rand::RngExt;
 
@@ -20,6 +22,8 @@ const DRONE: NodeId = NodeId(0);
 struct Bench {
     controllers: Controllers,
     link: Box<dyn Link>,
+    new_link: Arc<LinkBuilder>,
+    kept: Option<Checkpoint>,
     /// Whether the link runs.
     is_up: bool,
     now: Timestamp,
@@ -38,10 +42,12 @@ impl Bench {
         let mut controllers = Controllers::default();
         controllers.extend(&scenario, &mut rng.clone(), &mut rng);
         let plan = &scenario.plan;
-        let link = plan.link(VehicleKind::Msp, Stage::Sim, plan.receiver);
+        let new_link = plan.link(VehicleKind::Msp, Stage::Sim, plan.receiver);
         Self {
             controllers,
-            link: link(None, Timestamp::ZERO),
+            link: new_link(None, Timestamp::ZERO),
+            new_link,
+            kept: None,
             is_up: true,
             now: Timestamp::ZERO,
             told: None,
@@ -82,7 +88,8 @@ impl Bench {
             match self.link.poll_output() {
                 Output::Transmit(Transmit::Rc(rc)) => self.controllers.set_rc(self.now, DRONE, rc),
                 Output::Transmit(Transmit::Telemetry(told)) => self.told = Some(told),
-                Output::Transmit(_) | Output::Event(_) => {}
+                Output::Event(Event::Checkpoint(kept)) => self.kept = Some(kept),
+                Output::Transmit(_) => {}
                 Output::Idle { .. } => return,
             }
         }
@@ -106,6 +113,15 @@ impl Bench {
                 self.link.handle_timeout(self.now);
                 self.drain();
             }
+        }
+    }
+
+    /// The link crashes, and another goes on with what it kept.
+    fn restart_link(&mut self) {
+        self.link = (self.new_link)(self.kept, self.now);
+        let events: Vec<_> = self.controllers.introduction(self.now, DRONE).collect();
+        for event in events {
+            self.give(Input::Port(event));
         }
     }
 
@@ -210,6 +226,38 @@ fn new_link_gets_its_port_and_the_newest_statuses_at_once() {
     );
     bench.controllers.close(bench.now, DRONE);
     assert_eq!(bench.controllers.introduction(bench.now, DRONE).count(), 0);
+}
+
+#[test]
+fn a_vehicle_stays_on_its_leg_however_often_its_link_restarts() {
+    for (receiver, every_s, height_m) in [
+        ("sole", 3.0, 12.0),
+        ("override", 3.0, 12.0),
+        ("sole", 1.0, 12.0),
+        ("sole", 0.5, 20.0),
+        ("override", 7.0, 5.0),
+    ] {
+        let mut bench = Bench::flying(receiver, 1);
+        bench.fly(height_m, 0.0);
+        bench.pass(25.0);
+        let begin = bench.truth.expect("it flies").position;
+        bench.fly(height_m, 2_000.0);
+        let (mut high_m, mut aside_m, mut north_m) = (0.0_f64, 0.0_f64, 0.0);
+        for step in 1..=1_800 {
+            bench.pass(0.1);
+            let place = bench.truth.expect("it flies").position;
+            high_m = high_m.max(place.vertical_distance_m(begin));
+            aside_m = aside_m.max((place.east_m() - begin.east_m()).abs());
+            north_m = place.north_m() - begin.north_m();
+            if f64::from(step) % (every_s * 10.0) == 0.0 {
+                bench.restart_link();
+            }
+        }
+        let what =
+            format!("{receiver}, every {every_s} s: {high_m:.1} m, {aside_m:.1} m, {north_m:.0} m");
+        assert!(high_m < 1.0 && aside_m < 4.0 && north_m > 50.0, "{what}");
+        assert!(bench.violation.is_none() && bench.told.is_some_and(|it| it.armed && !it.landing));
+    }
 }
 
 /// The bytes of all frames that are lost are noise, or are still held.

@@ -292,6 +292,7 @@ impl AutopilotLink {
                 taken: self.contact.taken(),
                 impaired: None,
                 // The autopilot's own business.
+                from: None,
                 start: None,
                 hover_throttle: 0.0,
                 ground_m: None,

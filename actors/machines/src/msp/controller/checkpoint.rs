@@ -13,6 +13,8 @@ pub struct Flight {
     pub has_flown: bool,
     /// What it was told to fly.
     pub setpoint: Option<Setpoint>,
+    /// Where it began to fly that, in its drone's local frame.
+    pub from: Option<Ned>,
     /// Where it was when it was first told to fly.
     pub start: Option<Ned>,
     /// Whether it was landing.
@@ -27,9 +29,16 @@ pub struct Flight {
     pub impaired: Option<LandingCause>,
 }
 
+/// Change of the hover throttle for which a checkpoint is written: with one so far off a vehicle sinks or climbs 0.2 m before that
+/// is learnt. Ours.
+const HOVER_THROTTLE_STEP: f64 = 0.01;
+
 impl Flight {
-    /// Whether nothing has changed that a checkpoint is written for: anything but the hover throttle, which always does.
+    /// Whether nothing has changed that a checkpoint is written for: the hover throttle always changes a little.
     pub(super) fn is_same(&self, other: &Self) -> bool {
+        if (self.hover_throttle - other.hover_throttle).abs() >= HOVER_THROTTLE_STEP {
+            return false;
+        }
         let hover_throttle = other.hover_throttle;
         *other
             == Self {

@@ -29,6 +29,8 @@ pub(super) struct Guidance {
     /// `None` on the ground, before the first setpoint.
     motion: Option<Motion>,
     setpoint: Option<Setpoint>,
+    /// Where it began to fly to the setpoint. `None` also once a pilot flew it elsewhere.
+    from: Option<Ned>,
     is_landing: bool,
     /// Whether it lands slowly, since it does not know how high it is.
     is_blind: bool,
@@ -40,6 +42,7 @@ impl Guidance {
             landing,
             motion: None,
             setpoint: None,
+            from: None,
             is_landing: false,
             is_blind: false,
         }
@@ -47,6 +50,11 @@ impl Guidance {
 
     pub(super) const fn setpoint(&self) -> Option<Setpoint> {
         self.setpoint
+    }
+
+    /// Where it began to fly to the setpoint. `None` also once a pilot flew it elsewhere.
+    pub(super) const fn from(&self) -> Option<Ned> {
+        self.from
     }
 
     pub(super) const fn is_landing(&self) -> bool {
@@ -72,7 +80,25 @@ impl Guidance {
         if self.is_landing {
             return;
         }
-        self.motion(estimate).follow(now, setpoint, Ned::HOME);
+        let motion = self.motion(estimate);
+        let from = motion.stop(now);
+        motion.follow(now, setpoint, Ned::HOME);
+        self.from = Some(from);
+    }
+
+    /// Goes on with a setpoint that was begun at `from` before a restart.
+    pub(super) fn take_up(
+        &mut self,
+        now: Timestamp,
+        (setpoint, from): (Setpoint, Option<Ned>),
+        estimate: &Estimate,
+    ) {
+        self.setpoint = Some(setpoint);
+        self.from = from;
+        if !self.is_landing {
+            self.motion(estimate);
+            self.go_on(now, estimate);
+        }
     }
 
     /// Lands on the spot.
@@ -107,7 +133,7 @@ impl Guidance {
         motion.forget(now);
         let is_left_behind = motion.position(now).distance_m(estimate.position) > LEFT_BEHIND_M;
         if is_left_behind {
-            self.begin_anew(now, estimate);
+            self.go_on(now, estimate);
         }
         let motion = self.motion.as_ref()?;
         let position = motion.position(now);
@@ -137,20 +163,50 @@ impl Guidance {
         }
     }
 
-    /// Continues from where the vehicle is, once it has a setpoint.
+    /// Continues from where the vehicle is, once it has a setpoint: it was flown there by another.
     pub(super) fn begin_anew(&mut self, now: Timestamp, estimate: &Estimate) {
+        self.from = None;
+        self.begin(now, estimate);
+    }
+
+    /// Continues where the vehicle's course is next to it, so that what it was off is not kept; from where it is if that is far.
+    fn go_on(&mut self, now: Timestamp, estimate: &Estimate) {
+        let on_course = self.on_course(estimate);
+        self.begin(now, &on_course.unwrap_or(*estimate));
+    }
+
+    fn begin(&mut self, now: Timestamp, from: &Estimate) {
         if self.motion.is_none() {
             return;
         }
-        let mut motion = Motion::at_rest(estimate.position);
+        let mut motion = Motion::at_rest(from.position);
         let later = now + Duration::from_secs(1);
-        motion.observe(now, estimate.position, estimate.velocity, later);
+        motion.observe(now, from.position, from.velocity, later);
         if self.is_landing {
             motion.land(now, self.landing);
         } else if let Some(setpoint) = self.setpoint {
             motion.follow(now, setpoint, Ned::HOME);
         }
         self.motion = Some(motion);
+    }
+
+    /// The place nearest to a vehicle on its straight course, and its velocity along it. `None` without one that is near.
+    fn on_course(&self, estimate: &Estimate) -> Option<Estimate> {
+        let from = self.from.filter(|_| !self.is_landing)?;
+        let to = match self.setpoint? {
+            Setpoint::Leg { to, .. } => to,
+            Setpoint::Hold { altitude_m, .. } => from.at_altitude(altitude_m),
+            Setpoint::Track { .. } => return None,
+        };
+        let ahead = (to - from).0.try_normalize(0.0).unwrap_or_default();
+        let flown_m = (estimate.position - from).0.dot(&ahead);
+        let flown_m = flown_m.clamp(0.0, from.distance_m(to));
+        let position = Ned(from.0 + ahead * flown_m);
+        let is_near = position.distance_m(estimate.position) <= LEFT_BEHIND_M;
+        is_near.then(|| Estimate {
+            position,
+            velocity: Velocity(ahead * estimate.velocity.0.dot(&ahead)),
+        })
     }
 
     /// Whether the reference has come to rest, and the vehicle with it.

@@ -108,6 +108,12 @@ impl ControlLoops {
         self.guidance.setpoint().or(before)
     }
 
+    /// Where it began to fly that.
+    pub(super) fn from(&self) -> Option<Ned> {
+        let before = self.before.and_then(|it| it.from);
+        self.guidance.from().or(before)
+    }
+
     /// The throttle at which the vehicle hovers, 0 to 1, as learnt so far.
     pub(super) fn hover_throttle(&self) -> f64 {
         self.control.hover_throttle()
@@ -165,9 +171,9 @@ impl ControlLoops {
         let Some(estimate) = self.estimator.estimate() else {
             return;
         };
-        let before = self.before.take().and_then(|it| it.setpoint);
-        if let Some(setpoint) = before.filter(|_| is_armed) {
-            self.guidance.fly(now, setpoint, &estimate);
+        let before = self.before.take().filter(|_| is_armed);
+        if let Some((setpoint, from)) = before.and_then(|it| Some((it.setpoint?, it.from))) {
+            self.guidance.take_up(now, (setpoint, from), &estimate);
         }
     }
 

@@ -239,14 +239,7 @@ impl ControllerLink {
             false => None,
         };
         self.outbox.transmit(Transmit::Rc(rc));
-        let is_kept = self.kept.is_some_and(|kept| {
-            let state = (self.arming.has_flown(), self.authority.taken());
-            let flown = (self.loops.setpoint(), self.loops.impaired());
-            (kept.has_flown, kept.taken) == state && (kept.setpoint, kept.impaired) == flown
-        });
-        if !is_kept {
-            self.keep();
-        }
+        self.keep();
         self.report_news(now);
     }
 
@@ -324,12 +317,13 @@ impl ControllerLink {
         }
     }
 
-    /// Keeps a checkpoint, if anything of it has changed but the hover throttle.
+    /// Keeps a checkpoint, if it has changed.
     fn keep(&mut self) {
         let loops = &self.loops;
         let flight = Flight {
             has_flown: self.arming.has_flown(),
             setpoint: loops.setpoint(),
+            from: loops.from(),
             start: loops.start(),
             is_landing: self.must_land,
             hover_throttle: loops.hover_throttle(),

@@ -18,6 +18,7 @@ fn in_flight(hover_throttle: f64) -> Checkpoint {
                 speed_mps: 2.0,
                 acceleration_mps2: 1.0,
             }),
+            from: Some(Ned::HOME),
             start: Some(Ned::HOME),
             is_landing: false,
             hover_throttle,
