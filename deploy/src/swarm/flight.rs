@@ -14,11 +14,11 @@ use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at}
 
 use super::controllers::Controllers;
 use super::folder::DroneFolder;
+use super::follower::Follower;
 use super::host::{Launcher, end_launchers, start_launchers};
 use super::losses::SentLosses;
 use super::output::ProcessOutput;
 use super::process::{DroneProcess, HostEvent, StartMode};
-use super::reports::ReportQueue;
 use super::{Request, START_MAX, SwarmError, Watcher};
 use crate::hosts::Hosts;
 use muster_daemon::clock::Clock;
@@ -26,7 +26,9 @@ use muster_daemon::control::{ActorFault, ControlMessage};
 
 /// Delay of the twin behind the clock, in addition to the lag of the slowest host. Reports arrive within it.
 const TWIN_DELAY: Duration = Duration::from_millis(50);
-/// Time step of the twin.
+/// Delay of the twin that judges, in addition to that of the other. A busy machine's reports are seldom later.
+const JUDGE_DELAY: Duration = Duration::from_secs(3);
+/// How often the twins move on.
 const TICK: Duration = Duration::from_millis(5);
 /// Time for processes to exit by themselves once their drones are down.
 const EXIT_MAX: Duration = Duration::from_secs(3);
@@ -79,7 +81,7 @@ async fn fly_with<'a>(
     let [mut terminate, mut interrupt] = termination_signals().map_err(SwarmError::Runtime)?;
     let mut ticks = interval(TICK);
     ticks.set_missed_tick_behavior(MissedTickBehavior::Skip);
-    while !swarm.twin.is_flown() {
+    while !swarm.live.twin.is_flown() {
         tokio::select! {
             biased;
             _ = terminate.recv() => return Ok(swarm.interrupt()),
@@ -88,14 +90,14 @@ async fn fly_with<'a>(
             _ = ticks.tick() => {
                 swarm.advance();
                 if let Some(watcher) = &mut watcher {
-                    watcher(swarm.twin.progress());
+                    watcher(swarm.live.twin.progress());
                 }
             }
         }
     }
     swarm.wait_for_exit().await;
     let elapsed = swarm.elapsed();
-    Ok(swarm.twin.finish(request.scenario, elapsed))
+    Ok(swarm.judge.finish().finish(request.scenario, elapsed))
 }
 
 fn termination_signals() -> std::io::Result<[Signal; 2]> {
@@ -109,16 +111,15 @@ fn termination_signals() -> std::io::Result<[Signal; 2]> {
 struct Swarm<'a> {
     request: &'a Request<'a>,
     drones: &'a [DroneFolder],
-    twin: Twin,
-    /// Delay of the twin behind the clock.
-    twin_delay: Duration,
-    twin_time: Timestamp,
+    /// Decides which process runs or hangs, and which frames it loses.
+    live: Follower,
+    /// The same once more, behind it, so that a report that comes late is taken in its order. Checks the rules, and reports.
+    judge: Follower,
     launchers: Launchers<'a>,
     controllers: Controllers,
     processes: BTreeMap<NodeId, DroneProcess>,
     /// Started when the flight began.
     clock: Clock,
-    reports: ReportQueue,
     losses: SentLosses,
 }
 
@@ -130,18 +131,17 @@ impl<'a> Swarm<'a> {
         (launchers, controllers): (Launchers<'a>, Controllers),
     ) -> Result<Self, SwarmError> {
         let lags = launchers.by_drone.values().map(|launcher| launcher.lag);
-        let twin_delay = TWIN_DELAY + lags.max().unwrap_or_default();
+        let delay = TWIN_DELAY + lags.max().unwrap_or_default();
+        let follower = |more| Follower::new(Twin::new(request.scenario, delay), delay + more);
         let mut swarm = Self {
             request,
             drones,
-            twin: Twin::new(request.scenario, twin_delay),
-            twin_delay,
-            twin_time: Timestamp::ZERO,
+            live: follower(Duration::ZERO),
+            judge: follower(JUDGE_DELAY),
             launchers,
             controllers,
             processes: BTreeMap::new(),
             clock: Clock::start(),
-            reports: ReportQueue::default(),
             losses: SentLosses::default(),
         };
         let leader = request.scenario.plan.centre();
@@ -170,7 +170,7 @@ impl<'a> Swarm<'a> {
     fn vehicle(&self, drone: NodeId) -> ControlMessage {
         ControlMessage::Vehicle {
             epoch: self.launchers.by_drone[&drone].host_time(self.clock.started()),
-            state: Box::new(self.twin.vehicle(drone)),
+            state: Box::new(self.live.twin.vehicle(drone)),
         }
     }
 
@@ -209,14 +209,14 @@ impl<'a> Swarm<'a> {
         match event {
             Some(HostEvent::Output(drone, ProcessOutput::Report(at, report))) => {
                 let at = Timestamp::ZERO + at.since(self.clock.started());
-                self.reports.push(at, drone, report);
+                self.push(at, drone, report);
             }
             Some(HostEvent::Ended(drone)) => {
                 let process = self.processes.get_mut(&drone);
                 // The twin knows when a fault ended a process.
                 if process.is_none_or(DroneProcess::mark_ended) {
                     let now = Timestamp::ZERO + self.elapsed();
-                    self.reports.push(now, drone, ProcessReport::Ended);
+                    self.push(now, drone, ProcessReport::Ended);
                 }
             }
             Some(HostEvent::Output(drone, ProcessOutput::Ready)) => {
@@ -237,26 +237,27 @@ impl<'a> Swarm<'a> {
         self.clock.now().since(self.clock.started())
     }
 
-    /// Advances the twin to the delayed clock and applies its decisions to the processes.
+    /// Adds a report of something that happened at `at`, since the start of the flight.
+    fn push(&mut self, at: Timestamp, drone: NodeId, report: ProcessReport) {
+        self.judge.push(at, drone, report.clone());
+        self.live.push(at, drone, report);
+    }
+
+    /// Advances the twins to their delayed clocks and applies the decisions of the first to the processes.
     fn advance(&mut self) {
         let elapsed = self.elapsed();
-        for (drone, truth, sticks) in self.controllers.look(Timestamp::ZERO + elapsed) {
-            let report = ProcessReport::Flew(Box::new(truth), sticks);
-            self.reports.push(Timestamp::ZERO + elapsed, drone, report);
+        let now = Timestamp::ZERO + elapsed;
+        let flown: Vec<_> = self.controllers.look(now).collect();
+        for (drone, truth, sticks) in flown {
+            self.push(now, drone, ProcessReport::Flew(Box::new(truth), sticks));
         }
-        let until = Timestamp::ZERO + elapsed.saturating_sub(self.twin_delay);
         // In steps, even after a stall of this machine: a fault is applied before the twin passes it.
-        while self.twin_time < until {
-            let now = until.min(self.twin_time + TICK);
-            while let Some((at, drone, report)) = self.reports.pop_due(now) {
-                self.twin.receive(at, drone, report);
-            }
-            self.twin.advance(now);
-            self.twin_time = now;
+        while self.live.step(elapsed) {
             self.apply_process_states();
             self.inject_faults();
         }
-        (self.controllers).show_pilots(|drone| self.twin.is_to_take_off(drone));
+        while self.judge.step(elapsed) {}
+        (self.controllers).show_pilots(|drone| self.live.twin.is_to_take_off(drone));
         self.send_losses();
     }
 
@@ -264,11 +265,11 @@ impl<'a> Swarm<'a> {
     fn apply_process_states(&mut self) {
         for folder in self.drones {
             let id = folder.id;
-            let state = self.twin.process(id);
+            let state = self.live.twin.process(id);
             let Some(process) = self.processes.get_mut(&id) else {
                 continue;
             };
-            if process.set_state(state) && self.twin.take_overruled(id) {
+            if process.set_state(state) && self.live.twin.take_overruled(id) {
                 let vehicle = self.vehicle(id);
                 self.processes[&id].send(&vehicle);
             } else if state == ProcessState::Runs && process.can_restart() {
@@ -279,7 +280,7 @@ impl<'a> Swarm<'a> {
 
     /// Injects faults of actors into their processes, and of flight controllers.
     fn inject_faults(&mut self) {
-        for (drone, fault, duration) in self.twin.take_faults() {
+        for (drone, fault, duration) in self.live.twin.take_faults() {
             let (actor, fault) = match fault {
                 DroneFault::Controller(fault) => {
                     self.controllers.affect(drone, fault, duration);
@@ -301,19 +302,19 @@ impl<'a> Swarm<'a> {
     /// Sends changed frame losses to the processes, if the radio is emulated.
     fn send_losses(&mut self) {
         if self.request.emulates_radio {
-            self.losses.send_changes(&self.twin, &self.processes);
+            self.losses.send_changes(&self.live.twin, &self.processes);
         }
     }
 
     /// The report of what was flown until now. The launchers end the processes.
     fn interrupt(mut self) -> (Report, Flight) {
         self.advance();
+        self.judge.catch_up(&self.live);
         let elapsed = self.elapsed();
-        self.twin.interrupt(self.request.scenario, elapsed)
+        (self.judge.twin).interrupt(self.request.scenario, elapsed)
     }
 
-    /// Waits for the processes to exit by themselves and passes their last reports to the twin. Their launchers kill
-    /// the rest.
+    /// Waits for the processes to exit by themselves and takes their last reports. Their launchers kill the rest.
     async fn wait_for_exit(&mut self) {
         let deadline = Deadline::now() + EXIT_MAX;
         let runs = |it: &DroneProcess| !it.is_ended();
@@ -324,8 +325,6 @@ impl<'a> Swarm<'a> {
                 Err(_) => break,
             }
         }
-        while let Some((at, drone, report)) = self.reports.pop() {
-            self.twin.receive(at, drone, report);
-        }
+        self.judge.catch_up(&self.live);
     }
 }

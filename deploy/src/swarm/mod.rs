@@ -4,18 +4,19 @@
 //! Only the twin of the swarm ([`muster_scenarios::twin`]) knows the positions of the vehicles and the fault plan. The
 //! starter feeds it with the reports of the processes, and with the flight of the simulated flight controllers, if there are
 //! any, which run in the starter. It applies the twin's decisions: which process runs or hangs, and
-//! which frames it loses.
+//! which frames it loses. A second twin is a few seconds behind, so that it takes late reports in their order; it checks the
+//! rules.
 
 mod controllers;
 mod flight;
 mod folder;
+mod follower;
 mod host;
 mod link;
 mod losses;
 mod offset;
 mod output;
 mod process;
-mod reports;
 
 use std::borrow::Cow;
 use std::io;
