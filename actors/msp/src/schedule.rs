@@ -20,9 +20,15 @@ const ANSWER_MAX: Duration = Duration::from_millis(100);
 /// How many questions may wait for their answers. With one, a line that takes 30 ms each way would bring heights three times a
 /// second, too few to hold one.
 const OUTSTANDING_MAX: usize = 4;
-/// A late answer halves how many questions may wait: a controller that serves few commands a second answers four too late, but
-/// one in time. So many answers in time allow one more.
-const IN_TIME_MIN: u8 = 16;
+/// How many may wait when a port is opened. A controller that serves few commands a second would answer four too late.
+const OUTSTANDING_FIRST: usize = 2;
+/// So many answers allow one more if its answer would be in time on a controller that serves one after the other, with a fifth
+/// to spare.
+const QUICK_MIN: u16 = 16;
+/// See [`QUICK_MIN`].
+const EXPECTED_MAX: Duration = Duration::from_millis(80);
+/// So many in time allow one more in any case: it may be the line that takes long.
+const IN_TIME_MIN: u16 = 256;
 /// Time after a question for which its answer shows that the controller lives.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
@@ -140,6 +146,8 @@ struct Due {
 struct Outstanding {
     due: Due,
     asked: Duration,
+    /// How many others waited then.
+    ahead: usize,
 }
 
 /// A question in the present version that may be answered yet.
@@ -206,29 +214,37 @@ pub struct Schedule {
 struct Window {
     size: usize,
     /// Answers in time since it changed.
-    in_time: u8,
+    in_time: u16,
+    /// How long they would have taken at most if one more waited, on such a controller.
+    expected: Duration,
 }
 
 impl Window {
-    const WHOLE: Self = Self {
-        size: OUTSTANDING_MAX,
-        in_time: 0,
-    };
+    const FIRST: Self = Self::new(OUTSTANDING_FIRST);
 
-    fn halve(&mut self) {
-        *self = Self {
-            size: (self.size / 2).max(1),
+    const fn new(size: usize) -> Self {
+        Self {
+            size,
             in_time: 0,
-        };
+            expected: Duration::ZERO,
+        }
     }
 
-    fn answered_in_time(&mut self) {
+    fn answered_late(&mut self) {
+        *self = Self::new((self.size / 2).max(1));
+    }
+
+    /// `ahead`: how many others waited when it was asked.
+    fn answered_in_time(&mut self, delay: Duration, ahead: usize) {
+        if self.size == OUTSTANDING_MAX {
+            return;
+        }
         self.in_time += 1;
-        if self.in_time >= IN_TIME_MIN {
-            *self = Self {
-                size: (self.size + 1).min(OUTSTANDING_MAX),
-                in_time: 0,
-            };
+        let expected = delay * (self.size as u32 + 1) / (ahead as u32 + 1);
+        self.expected = self.expected.max(expected);
+        let is_quick = self.expected <= EXPECTED_MAX;
+        if self.in_time >= if is_quick { QUICK_MIN } else { IN_TIME_MIN } {
+            *self = Self::new(self.size + 1);
         }
     }
 }
@@ -258,7 +274,7 @@ impl Schedule {
             outstanding: VecDeque::new(),
             version: Version::V1,
             asked: VecDeque::new(),
-            window: Window::WHOLE,
+            window: Window::FIRST,
             lost: 0,
         }
     }
@@ -361,7 +377,11 @@ impl Schedule {
         let first = self.queries.iter().map(|it| it.at).min()?;
         let place = (self.queries.iter()).position(|it| it.at == first && first <= now)?;
         let due = self.queries.remove(place)?;
-        self.outstanding.push_back(Outstanding { due, asked: now });
+        self.outstanding.push_back(Outstanding {
+            due,
+            asked: now,
+            ahead: self.outstanding.len(),
+        });
         Some(due.query)
     }
 
@@ -385,12 +405,12 @@ impl Schedule {
             .and_then(|place| self.outstanding.remove(place));
         let Some(outstanding) = outstanding else {
             self.change_version();
-            self.window.halve();
+            self.window.answered_late();
             return Some(Answered::Late);
         };
-        self.window.answered_in_time();
         self.queries.extend(outstanding.answered(now, is_refused));
         let delay = now.saturating_sub(asked.at);
+        self.window.answered_in_time(delay, outstanding.ahead);
         Some(Answered::InTime(outstanding.due.query, delay))
     }
 

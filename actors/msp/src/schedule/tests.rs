@@ -121,9 +121,15 @@ fn late_ticks_lower_no_rate() {
 }
 
 #[test]
-fn four_questions_are_outstanding_at_most() {
+fn four_questions_are_outstanding_at_most_and_two_when_the_port_opens() {
     let mut line = Line::new();
     line.answers = false;
+    line.run(10, false);
+    assert_eq!(line.schedule.outstanding.len(), OUTSTANDING_FIRST);
+    let mut line = Line::identified();
+    line.run(30, false);
+    line.answers = false;
+    line.run(10, false);
     let (_, asked) = line.run(100, true);
     let seconds = 100 * TICK;
     assert_eq!(
@@ -201,7 +207,7 @@ fn unanswered_questions_count_as_lost() {
     let mut line = Line::new();
     line.answers = false;
     line.run(101, false);
-    assert_eq!(line.schedule.lost(), 37, "four each 100 ms");
+    assert_eq!(line.schedule.lost(), 19, "two each 100 ms");
     assert_eq!(
         line.schedule
             .answered(line.now, (9_999, Version::V1), false),
@@ -306,12 +312,12 @@ fn an_answer_is_as_old_as_its_question_however_often_that_was_asked_again() {
 
 #[test]
 fn a_controller_that_serves_few_commands_is_asked_only_as_many() {
-    for service_ms in [20, 30, 40, 50, 70] {
+    for service_ms in [20, 30, 40, 50, 70, 90] {
         let service = Duration::from_millis(service_ms);
         let tally = served(service, |_| Duration::ZERO, |_| false);
         let share = tally.in_time as f64 * service.as_secs_f64() / 60.0;
         let what = format!("{service_ms} ms: {share:.2} of its time, {tally:?}");
-        assert!(share > 0.5 && tally.in_time > 2 * tally.late, "{what}");
+        assert!(share > 0.5 && tally.in_time > 10 * tally.late, "{what}");
     }
 }
 
