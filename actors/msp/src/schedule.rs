@@ -209,7 +209,7 @@ pub struct Schedule {
     lost: u64,
 }
 
-/// How many questions may wait for their answers at present.
+/// How many questions may wait for their answers while no RC is sent.
 #[derive(Debug)]
 struct Window {
     size: usize,
@@ -369,9 +369,18 @@ impl Schedule {
         }
     }
 
+    /// In flight all may wait: on a line that loses bytes an answer seems late when an earlier question was lost, and one that waits
+    /// in vain would hold up the heights. A controller that serves few commands can't be flown anyway.
+    fn outstanding_max(&self, now: Duration) -> usize {
+        match self.is_sending(now) {
+            true => OUTSTANDING_MAX,
+            false => self.window.size,
+        }
+    }
+
     fn next_query(&mut self, now: Duration) -> Option<Query> {
         self.expire(now);
-        if self.outstanding.len() >= self.window.size {
+        if self.outstanding.len() >= self.outstanding_max(now) {
             return None;
         }
         let first = self.queries.iter().map(|it| it.at).min()?;

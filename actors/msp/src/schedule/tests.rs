@@ -246,7 +246,7 @@ fn answered(late: impl Fn(usize) -> Duration, is_lost: impl Fn(usize) -> bool) -
     served(Duration::ZERO, late, is_lost)
 }
 
-/// By a controller that takes this long for each.
+/// By a controller that takes this long for each. It gets RC if that is no time.
 fn served(
     service: Duration,
     late: impl Fn(usize) -> Duration,
@@ -257,7 +257,9 @@ fn served(
     let (mut tally, mut on_their_way) = (Tally::default(), VecDeque::new());
     let mut is_free = Duration::ZERO;
     for number in 0..6_000 {
-        line.schedule.set_channels(line.now, channels());
+        if service.is_zero() {
+            line.schedule.set_channels(line.now, channels());
+        }
         if let Some(Write::Request(query, version)) = line.tick(TICK)
             && !is_lost(number)
         {
@@ -296,6 +298,7 @@ fn an_answer_is_as_old_as_its_question_however_often_that_was_asked_again() {
     }
     for late_ms in [120, 130, 200, 500, 1_500] {
         let tally = answered(|_| Duration::from_millis(late_ms), |_| false);
+        // One question at a time, for it is never known who it is, so no RC is sent.
         assert!(
             tally.late > 550 && tally.in_time == 0,
             "{late_ms} ms: {tally:?}"
@@ -304,7 +307,7 @@ fn an_answer_is_as_old_as_its_question_however_often_that_was_asked_again() {
         let late = |number| Duration::from_millis(if number < 1_000 { 10 } else { late_ms });
         let tally = answered(late, |_| false);
         assert!(
-            tally.late > 450 && tally.in_time < 500,
+            tally.late > 1_500 && tally.in_time < 500,
             "{late_ms} ms: {tally:?}"
         );
     }
@@ -317,7 +320,7 @@ fn a_controller_that_serves_few_commands_is_asked_only_as_many() {
         let tally = served(service, |_| Duration::ZERO, |_| false);
         let share = tally.in_time as f64 * service.as_secs_f64() / 60.0;
         let what = format!("{service_ms} ms: {share:.2} of its time, {tally:?}");
-        assert!(share > 0.5 && tally.in_time > 10 * tally.late, "{what}");
+        assert!(share > 0.5 && tally.in_time > 8 * tally.late, "{what}");
     }
 }
 
