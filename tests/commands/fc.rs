@@ -62,7 +62,7 @@ fn serve(mut stream: TcpStream) {
     while let Ok(length @ 1..) = stream.read(&mut buffer) {
         let mut out = Vec::new();
         decoder.read(&buffer[..length], |frame| {
-            answer(&replies, &frame, &mut out)
+            answer(&replies, &frame, &mut out);
         });
         if stream.write_all(&out).is_err() {
             return;
