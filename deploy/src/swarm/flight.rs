@@ -14,7 +14,7 @@ use tokio::time::{Instant as Deadline, MissedTickBehavior, interval, timeout_at}
 
 use super::controllers::Controllers;
 use super::folder::DroneFolder;
-use super::follower::Follower;
+use super::follower::{Follower, TICK};
 use super::host::{Launcher, end_launchers, start_launchers};
 use super::losses::SentLosses;
 use super::output::ProcessOutput;
@@ -28,8 +28,6 @@ use muster_daemon::control::{ActorFault, ControlMessage};
 const TWIN_DELAY: Duration = Duration::from_millis(50);
 /// Delay of the twin that judges, in addition to that of the other. A busy machine's reports are seldom later.
 const JUDGE_DELAY: Duration = Duration::from_secs(3);
-/// How often the twins move on.
-const TICK: Duration = Duration::from_millis(5);
 /// Time for processes to exit by themselves once their drones are down.
 const EXIT_MAX: Duration = Duration::from_secs(3);
 

@@ -7,8 +7,8 @@ use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use muster_scenarios::twin::{ProcessReport, Twin};
 
-/// Time step of a twin.
-const TICK: Duration = Duration::from_millis(5);
+/// Time step of a twin, and how often it is to move on.
+pub(super) const TICK: Duration = Duration::from_millis(5);
 
 /// A twin, and the reports that it has not reached yet.
 ///
