@@ -368,6 +368,11 @@ impl Process {
         panic!("drone {} does not end: {:#?}", self.id, self.log);
     }
 
+    pub(crate) fn nice(&self) -> i32 {
+        let pid = rustix::process::Pid::from_child(&self.child);
+        rustix::process::getpriority_process(Some(pid)).unwrap()
+    }
+
     /// Memory of the process in KiB: `VmRSS` for the current, `VmHWM` for the peak use.
     pub(crate) fn memory_kib(&self, field: &str) -> u64 {
         let status = fs::read_to_string(format!("/proc/{}/status", self.child.id())).unwrap();

@@ -2,7 +2,10 @@
 
 use std::os::unix::net::UnixDatagram;
 use std::process::Command;
+use std::thread;
 use std::time::Duration;
+
+use rustix::process::{getpriority_process, setpriority_process};
 
 use super::fleet::{Fleet, Process};
 
@@ -49,6 +52,18 @@ fn service_manager_is_notified_of_readiness_status_and_watchdog() {
     wait_for("STATUS=finished");
     wait_for("STOPPING=1");
     assert_eq!(drone.end(), Some(0), "it stayed on the ground");
+}
+
+#[test]
+fn process_has_the_nice_value_of_the_service_where_that_is_granted() {
+    // A thread's nice value is its own.
+    let is_granted = thread::spawn(|| setpriority_process(None, -10).is_ok());
+    let is_granted = is_granted.join().unwrap();
+    let own = getpriority_process(None).unwrap();
+    let fleet = Fleet::new();
+    let mut drone = fleet.start(1, &[]);
+    drone.wait_until_ready();
+    assert_eq!(drone.nice(), if is_granted { -10 } else { own });
 }
 
 #[test]

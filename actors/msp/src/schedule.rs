@@ -17,18 +17,9 @@ pub const RC_PERIOD: Duration = Duration::from_millis(20);
 pub const RC_HOLD: Duration = Duration::from_millis(100);
 /// How long an answer may take before the question counts as lost and is asked again: ten ticks.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
-/// How many questions may wait for their answers. With one, a line that takes 30 ms each way would bring heights three times a
-/// second, too few to hold one.
+/// How many questions may wait for their answers while RC is sent. With one, a line that takes 30 ms each way would bring heights
+/// three times a second, too few to hold one.
 const OUTSTANDING_MAX: usize = 4;
-/// How many may wait when a port is opened. A controller that serves few commands a second would answer four too late.
-const OUTSTANDING_FIRST: usize = 2;
-/// So many answers allow one more if its answer would be in time on a controller that serves one after the other, with a fifth
-/// to spare.
-const QUICK_MIN: u16 = 16;
-/// See [`QUICK_MIN`].
-const EXPECTED_MAX: Duration = Duration::from_millis(80);
-/// So many in time allow one more in any case: it may be the line that takes long.
-const IN_TIME_MIN: u16 = 256;
 /// Time after a question for which its answer shows that the controller lives.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
@@ -146,8 +137,6 @@ struct Due {
 struct Outstanding {
     due: Due,
     asked: Duration,
-    /// How many others waited then.
-    ahead: usize,
 }
 
 /// A question in the present version that may be answered yet.
@@ -205,48 +194,7 @@ pub struct Schedule {
     /// What was asked in that version, the oldest first. A controller answers in this order, so an answer belongs to the oldest
     /// question that it can answer, and what was asked before is not answered any more.
     asked: VecDeque<Asked>,
-    window: Window,
     lost: u64,
-}
-
-/// How many questions may wait for their answers while no RC is sent.
-#[derive(Debug)]
-struct Window {
-    size: usize,
-    /// Answers in time since it changed.
-    in_time: u16,
-    /// How long they would have taken at most if one more waited, on such a controller.
-    expected: Duration,
-}
-
-impl Window {
-    const FIRST: Self = Self::new(OUTSTANDING_FIRST);
-
-    const fn new(size: usize) -> Self {
-        Self {
-            size,
-            in_time: 0,
-            expected: Duration::ZERO,
-        }
-    }
-
-    fn answered_late(&mut self) {
-        *self = Self::new((self.size / 2).max(1));
-    }
-
-    /// `ahead`: how many others waited when it was asked.
-    fn answered_in_time(&mut self, delay: Duration, ahead: usize) {
-        if self.size == OUTSTANDING_MAX {
-            return;
-        }
-        self.in_time += 1;
-        let expected = delay * (self.size as u32 + 1) / (ahead as u32 + 1);
-        self.expected = self.expected.max(expected);
-        let is_quick = self.expected <= EXPECTED_MAX;
-        if self.in_time >= if is_quick { QUICK_MIN } else { IN_TIME_MIN } {
-            *self = Self::new(self.size + 1);
-        }
-    }
 }
 
 const fn due(at: Duration, query: Query) -> Due {
@@ -274,7 +222,6 @@ impl Schedule {
             outstanding: VecDeque::new(),
             version: Version::V1,
             asked: VecDeque::new(),
-            window: Window::FIRST,
             lost: 0,
         }
     }
@@ -369,12 +316,11 @@ impl Schedule {
         }
     }
 
-    /// In flight all may wait: on a line that loses bytes an answer seems late when an earlier question was lost, and one that waits
-    /// in vain would hold up the heights. A controller that serves few commands can't be flown anyway.
+    /// While no RC is sent, one question waits at a time, so that a controller that serves few commands a second is in time.
     fn outstanding_max(&self, now: Duration) -> usize {
         match self.is_sending(now) {
             true => OUTSTANDING_MAX,
-            false => self.window.size,
+            false => 1,
         }
     }
 
@@ -386,11 +332,7 @@ impl Schedule {
         let first = self.queries.iter().map(|it| it.at).min()?;
         let place = (self.queries.iter()).position(|it| it.at == first && first <= now)?;
         let due = self.queries.remove(place)?;
-        self.outstanding.push_back(Outstanding {
-            due,
-            asked: now,
-            ahead: self.outstanding.len(),
-        });
+        self.outstanding.push_back(Outstanding { due, asked: now });
         Some(due.query)
     }
 
@@ -414,13 +356,13 @@ impl Schedule {
             .and_then(|place| self.outstanding.remove(place));
         let Some(outstanding) = outstanding else {
             self.change_version();
-            self.window.answered_late();
             return Some(Answered::Late);
         };
         self.queries.extend(outstanding.answered(now, is_refused));
-        let delay = now.saturating_sub(asked.at);
-        self.window.answered_in_time(delay, outstanding.ahead);
-        Some(Answered::InTime(outstanding.due.query, delay))
+        Some(Answered::InTime(
+            outstanding.due.query,
+            now.saturating_sub(asked.at),
+        ))
     }
 
     /// Two versions do: once one is answered, all answers in the other have come.

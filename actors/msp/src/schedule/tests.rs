@@ -121,13 +121,12 @@ fn late_ticks_lower_no_rate() {
 }
 
 #[test]
-fn four_questions_are_outstanding_at_most_and_two_when_the_port_opens() {
+fn four_questions_are_outstanding_while_rc_is_sent_and_one_before() {
     let mut line = Line::new();
     line.answers = false;
     line.run(10, false);
-    assert_eq!(line.schedule.outstanding.len(), OUTSTANDING_FIRST);
+    assert_eq!(line.schedule.outstanding.len(), 1);
     let mut line = Line::identified();
-    line.run(30, false);
     line.answers = false;
     line.run(10, false);
     let (_, asked) = line.run(100, true);
@@ -207,7 +206,7 @@ fn unanswered_questions_count_as_lost() {
     let mut line = Line::new();
     line.answers = false;
     line.run(101, false);
-    assert_eq!(line.schedule.lost(), 19, "two each 100 ms");
+    assert_eq!(line.schedule.lost(), 10, "one each 100 ms");
     assert_eq!(
         line.schedule
             .answered(line.now, (9_999, Version::V1), false),

@@ -36,6 +36,7 @@ use muster_machines::mission::{self, LandingReason};
 use muster_machines::node::{Blueprint, Envelope};
 use muster_machines::radio::{self, Incarnations};
 use muster_runtime::journal::{WriteReport, Writer};
+use rustix::process::{getpriority_process, setpriority_process};
 use tokio::signal::unix::Signal;
 use tokio::sync::mpsc::{UnboundedReceiver, unbounded_channel};
 use tokio::task::{JoinError, JoinHandle, JoinSet};
@@ -57,6 +58,10 @@ use crate::log::{self, Format, Log, Lost};
 
 /// How long a finished drone still listens and repeats its last frames.
 const LINGER: Duration = Duration::from_millis(500);
+
+/// Nice value that the process asks for, which the service's unit gives, too. Beside programs of the same value its sticks may be
+/// older than [`muster_msp::RC_HOLD`] before they are renewed.
+const NICE: i32 = -10;
 
 /// How a drone's process ended. The drone is on the ground, except after [`Self::Abandoned`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,11 +94,19 @@ pub struct Start {
 /// # Errors
 /// If the process can't start, or the timer task or the network task fails.
 pub fn run(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
+    prefer_this_process();
     let runtime = tokio::runtime::Builder::new_current_thread()
         .enable_all()
         .build()
         .map_err(DaemonError::Runtime)?;
     runtime.block_on(live(config, start))
+}
+
+/// Before it has threads, which inherit it. Without the right to it the process runs as it was started.
+fn prefer_this_process() {
+    if getpriority_process(None).is_ok_and(|nice| nice > NICE) {
+        let _ = setpriority_process(None, NICE);
+    }
 }
 
 async fn live(config: DroneConfig, start: Start) -> Result<Ended, DaemonError> {
