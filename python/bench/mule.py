@@ -7,6 +7,7 @@ losses, speed, one call and one measurement a second. gradysim's vehicles have n
 acknowledgements: there the mule asks again until it is answered. Its vehicles move in steps of 10 ms, its default.
 """
 
+import csv
 import json
 import math
 import pathlib
@@ -14,7 +15,7 @@ import random
 import resource
 import subprocess
 import sys
-import time
+import tempfile
 
 ROOT = pathlib.Path(__file__).parents[2]
 SCENARIO = ROOT / "examples/agents/mule.toml"
@@ -111,11 +112,23 @@ def python_run():
     return run.figures["simulated_s"], max(values, default=0)
 
 
-def rust_run(program):
-    command = [program, "sim", str(SCENARIO), "--engine", "events", "--json", "--out", "/tmp/mule"]
-    report = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
+def rust_delivered(program, parameters):
+    with tempfile.TemporaryDirectory() as folder:
+        command = [program, "sim", str(SCENARIO), "--json", "--out", folder]
+        command += ["--set", f"protocol.parameters={parameters}"]
+        report = json.loads(subprocess.run(command, capture_output=True, check=True).stdout)
     values = [row["value"] for row in report.get("observed", []) if row["drone"] == 0]
-    return report["simulated_s"], max(values, default=0)
+    return max(values, default=0)
+
+
+def rust_campaign(program, parameters):
+    """Flights without the start of a program and a page for each, as the other rows have neither."""
+    with tempfile.TemporaryDirectory() as folder:
+        command = [program, "campaign", str(SCENARIO), "--seeds", "0..40", "--out", folder]
+        command += ["--set", f"protocol.parameters={parameters}"]
+        subprocess.run(command, capture_output=True, check=True)
+        rows = list(csv.DictReader((pathlib.Path(folder) / "runs.csv").open()))
+    return sum(float(row["simulated_s"]) for row in rows), len(rows)
 
 
 def cpu_s():
@@ -144,9 +157,12 @@ def lines(path, begin=None, end=None):
 def main():
     random.seed(1)
     rows = [("gradysim", lines(pathlib.Path(__file__), "# gradysim: begin", "# gradysim: end"), measured(gradysim_run))]
-    rows.append(("muster, Python", lines(ROOT / "python/examples/mule.py"), measured(python_run)))
-    if len(sys.argv) > 1:
-        rows.append(("muster, Rust", lines(ROOT / "examples/agents/mule.rs"), measured(rust_run, sys.argv[1])))
+    rows.append(("Python, fast", lines(ROOT / "python/examples/mule.py"), measured(python_run)))
+    # "fast" sends ten frames a second, "quiet" one, as often as gradysim's mule calls.
+    for parameters in ["fast", "quiet"] if len(sys.argv) > 1 else []:
+        speed, _ = measured(rust_campaign, sys.argv[1], parameters)
+        count = lines(ROOT / "examples/agents/mule.rs")
+        rows.append((f"Rust, {parameters}", count, (speed, rust_delivered(sys.argv[1], parameters))))
     reference = rows[0][2][0]
     print(f"{'':<16}{'lines':>8}{'drone-seconds a CPU second':>30}{'times':>9}{'delivered':>12}")
     for name, count, (speed, delivered) in rows:

@@ -15,7 +15,7 @@ use serde_json::json;
 
 use super::controllers::{LEADER, controlled, landing};
 use super::fleet::{Fleet, Process};
-use super::receiver::Receiver;
+use super::receiver::{Receiver, Stalls};
 use super::swarm::wait_until;
 
 /// Environment variable with the length of each phase, in seconds.
@@ -90,18 +90,24 @@ struct Gaps {
     longest: Duration,
 }
 
+/// Without the time in which a processor stood still.
 #[expect(clippy::print_stdout, reason = "a measurement")]
-fn gaps(name: &str, receiver: &Receiver, since: Instant) -> Gaps {
+fn gaps(name: &str, receiver: &Receiver, stalls: &Stalls, since: Instant) -> Gaps {
     // The controller waits while what it has seen is looked at.
     let mut times: Vec<_> = receiver.seen().rc.iter().map(|(at, _)| *at).collect();
     let before = times.partition_point(|at| *at < since);
     times.drain(..before.saturating_sub(1));
     times.push(Instant::now());
-    let mut gaps: Vec<_> = times.windows(2).map(|it| it[1] - it[0]).collect();
+    let measured = times.windows(2).map(|it| it[1] - it[0]).max();
+    let ran = times.windows(2).map(|it| stalls.ran(it[0], it[1]));
+    let mut gaps: Vec<_> = ran.collect();
     gaps.sort();
     let p99 = gaps[gaps.len() * 99 / 100];
     let longest = gaps[gaps.len() - 1];
-    println!("{name}: {} gaps, p99 {p99:?}, max {longest:?}", gaps.len());
+    println!(
+        "{name}: {} gaps, p99 {p99:?}, max {longest:?}, with stalls of processors {measured:?}",
+        gaps.len()
+    );
     Gaps { p99, longest }
 }
 
@@ -141,8 +147,8 @@ const PHASES: [(&str, &[Address]); 3] = [
 ];
 
 /// The controller is still armed and in the air, and got RC in time since then.
-fn assert_in_time(name: &str, receiver: &Receiver, since: Instant) {
-    let gaps = gaps(name, receiver, since);
+fn assert_in_time(name: &str, receiver: &Receiver, stalls: &Stalls, since: Instant) {
+    let gaps = gaps(name, receiver, stalls, since);
     let truth = receiver.truth();
     let flies = truth.is_armed && truth.contact == Contact::Airborne;
     assert!(flies, "{name}: {truth:?}");
@@ -172,7 +178,7 @@ fn armed_controller_gets_rc_in_time_whatever_crashes_and_none_from_what_hangs() 
         ("SLOW_SYNC", &*syncs),
         ("HANG", &*hang),
     ];
-    let load = Load::start();
+    let (load, stalls) = (Load::start(), Stalls::watch());
     let mut others = [0, 2].map(|id| start(&fleet, id, &[]));
     let mut leader = start(&fleet, LEADER, &environment);
     let receiver = &receivers[LEADER as usize];
@@ -180,12 +186,12 @@ fn armed_controller_gets_rc_in_time_whatever_crashes_and_none_from_what_hangs() 
     let (armed, before) = (Instant::now(), count_syncs());
     // It may no longer lead: while a sync lasts, what rests on it isn't sent.
     leader.wait_for_mission(&json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } }));
-    assert_in_time("take-off", receiver, armed);
+    assert_in_time("take-off", receiver, &stalls, armed);
     assert!(count_syncs() > before, "no sync was slow");
     for (name, actors) in PHASES {
         let since = Instant::now();
         crash(&mut leader, actors, lasts);
-        assert_in_time(name, receiver, since);
+        assert_in_time(name, receiver, &stalls, since);
     }
     drop(load);
     let actors = &fleet.status(LEADER)["actors"];

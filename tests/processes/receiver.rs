@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use muster_controller::{CHANNELS, Config, Controller, Truth};
 use muster_machines::time::Timestamp;
 use muster_msp::{Decode, Decoder, Message, ReceivedRc};
+use rustix::thread::{CpuSet, sched_setaffinity};
 use thread_priority::{
     RealtimeThreadSchedulePolicy, ThreadPriority, ThreadPriorityValue, ThreadSchedulePolicy,
     set_thread_priority_and_policy, thread_native_id,
@@ -16,6 +17,11 @@ use thread_priority::{
 
 /// Longest wait for bytes.
 const PAUSE: Duration = Duration::from_millis(10);
+
+/// How often [`Stalls`] looks.
+const WAKES_EVERY: Duration = Duration::from_millis(5);
+/// Shorter delays are the scheduler's.
+const STALL_MIN: Duration = Duration::from_millis(10);
 
 /// A simulated controller on TCP, and the RC frames that it received. Its thread ends with the test's process. It has real-time
 /// priority if the system grants it, as its delays are in what it measures.
@@ -41,7 +47,7 @@ impl Receiver {
         }));
         let served = Arc::clone(&seen);
         thread::spawn(move || {
-            raise_priority();
+            raise_priority(50);
             for stream in listener.incoming() {
                 // A killed process resets its connection.
                 let _ = serve(&stream.unwrap(), &served);
@@ -132,10 +138,67 @@ fn command_line(said: &[u8]) -> Option<String> {
     Some(format!("get {name}\r\n{name} = {value}\r\n\r\n# "))
 }
 
-fn raise_priority() {
+/// Asks for real time for this thread. Returns whether it was granted; without it the measured delays are longer.
+fn raise_priority(priority: u8) -> bool {
     let policy = ThreadSchedulePolicy::Realtime(RealtimeThreadSchedulePolicy::Fifo);
-    let priority = ThreadPriorityValue::try_from(50).unwrap();
+    let priority = ThreadPriorityValue::try_from(priority).unwrap();
     let priority = ThreadPriority::Crossplatform(priority);
-    // Without the right to it the measured delays are longer.
-    let _ = set_thread_priority_and_policy(thread_native_id(), priority, policy);
+    set_thread_priority_and_policy(thread_native_id(), priority, policy).is_ok()
+}
+
+/// When each processor stood still: a virtual one may not run for a tenth of a second, which no program on it can help. A thread
+/// of the highest priority here wakes on it every 5 ms and sees it. None are seen if the system grants no real time.
+pub(super) struct Stalls(Vec<Arc<Mutex<Intervals>>>);
+
+/// Beginnings and ends.
+type Intervals = Vec<(Instant, Instant)>;
+
+impl Stalls {
+    /// Looks for them until the test's process ends.
+    pub(super) fn watch() -> Self {
+        let processors = 0..thread::available_parallelism().unwrap().get();
+        let watch = processors.map(|processor| {
+            let stalls = Arc::default();
+            let seen = Arc::clone(&stalls);
+            thread::spawn(move || {
+                if is_alone_on(processor) {
+                    watch(&seen);
+                }
+            });
+            stalls
+        });
+        Self(watch.collect())
+    }
+
+    /// How long all processors ran between two instants.
+    pub(super) fn ran(&self, from: Instant, to: Instant) -> Duration {
+        let lost = self.0.iter().map(|stalls| {
+            let stalls = stalls.lock().unwrap();
+            let overlap = |(stalled, ran): &(Instant, Instant)| {
+                (*ran)
+                    .min(to)
+                    .saturating_duration_since((*stalled).max(from))
+            };
+            stalls.iter().map(overlap).sum()
+        });
+        (to - from).saturating_sub(lost.max().unwrap_or_default())
+    }
+}
+
+/// Asks for a priority above all others here, on one processor.
+fn is_alone_on(processor: usize) -> bool {
+    let mut set = CpuSet::new();
+    set.set(processor);
+    sched_setaffinity(None, &set).is_ok() && raise_priority(60)
+}
+
+fn watch(seen: &Mutex<Intervals>) -> ! {
+    loop {
+        let due = Instant::now() + WAKES_EVERY;
+        thread::sleep(WAKES_EVERY);
+        let woke = Instant::now();
+        if woke.saturating_duration_since(due) >= STALL_MIN {
+            seen.lock().unwrap().push((due, woke));
+        }
+    }
 }
