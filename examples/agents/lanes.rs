@@ -112,8 +112,12 @@ impl Lanes {
 }
 
 fn send(context: &mut Context<'_>, to: Destination, message: &Message) {
+    let reliability = match to {
+        Destination::All => Reliability::BestEffort,
+        _ => Reliability::Acknowledged,
+    };
     if let Ok(payload) = postcard::to_allocvec(message) {
-        let _ = context.send(to, &payload, Reliability::Acknowledged);
+        let _ = context.send(to, &payload, reliability);
     }
 }
 

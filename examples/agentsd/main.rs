@@ -1,4 +1,4 @@
-//! One drone as a process, with the agents of the example `agents`. `muster swarm --musterd` takes its path.
+//! One drone as a process, with the agents of the example `agents`. `agents swarm` starts it.
 
 #[path = "../agents/all.rs"]
 mod all;

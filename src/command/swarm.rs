@@ -50,7 +50,7 @@ pub(crate) struct Arguments {
     /// Only write keys, and a file for each drone's musterd, into a new folder; start nothing
     #[arg(long, value_name = "DIR", conflicts_with_all = ["firmware", "json", "out", "unlimited_range"])]
     prepare: Option<PathBuf>,
-    /// Path of musterd [default: next to this program]
+    /// Path of musterd, or of your agent's [default: next to this program, by its name and a d]
     #[arg(long, value_name = "PROGRAM")]
     musterd: Option<PathBuf>,
     /// Betaflight's software build, which is then the flight controllers' firmware instead of our simulation; needs root, for
@@ -187,25 +187,35 @@ fn prepare(
     Ok(Outcome::Success)
 }
 
-/// The daemon's program: the argument, or `musterd` next to this program.
+/// The daemon's program: the argument, or the one next to this program whose name has a `d` more.
 fn musterd(arguments: &Arguments) -> Result<PathBuf, BadInput> {
-    let beside = || Some(std::env::current_exe().ok()?.with_file_name("musterd"));
-    let found = arguments.musterd.clone().or_else(beside);
-    let found = found.unwrap_or_else(|| PathBuf::from("musterd"));
+    let found = match &arguments.musterd {
+        Some(given) => given.clone(),
+        None => beside().unwrap_or_else(|| PathBuf::from("musterd")),
+    };
     if found.is_file() {
         return Ok(found);
     }
+    let name = found.file_name().unwrap_or_default().display();
     let (message, help) = match &arguments.musterd {
         Some(_) => (
-            "does not exist",
-            "--musterd takes the path of the program musterd",
+            "does not exist".to_owned(),
+            "--musterd takes the path of the program musterd, or of your agent's",
         ),
         None => (
-            "the program musterd is not beside this one",
-            "`cargo install --path runtime/daemon` puts it there; or give its path with --musterd",
+            format!("the program {name} is not beside this one"),
+            "for muster's own protocols `cargo install --locked --path runtime/daemon` puts it there; or give its path \
+             with --musterd",
         ),
     };
     Err(BadInput::without_excerpt(&found, message, help))
+}
+
+fn beside() -> Option<PathBuf> {
+    let own = std::env::current_exe().ok()?;
+    let mut name = own.file_name()?.to_owned();
+    name.push("d");
+    Some(own.with_file_name(name))
 }
 
 fn show(bar: &ProgressBar, progress: muster_scenarios::engine::Progress) {

@@ -101,7 +101,7 @@ impl Position<'_> {
             document.refuse(
                 part.text,
                 format_args!("{name}: {error}"),
-                "give latitude and longitude in degrees, in this order, and the altitude in metres",
+                "give the latitude within 90 degrees, the longitude within 180, and the altitude in metres",
             )
         })
     }

@@ -224,3 +224,18 @@ fn drones_with_pilots_fly_a_mission() {
     assert_eq!(report.violations, []);
     assert_completed(&report, "with pilots");
 }
+
+/// The new link believes what the controller last said, for as long as the one before it would have.
+#[test]
+fn a_link_that_restarts_while_its_controller_stands_still_sends_rc_without_a_gap() {
+    let frozen = r#"{ at_s = 30, kind = "freeze-controller", drone = 1, for_s = 0.95 }"#;
+    let restarted = |restart: &str| {
+        let faults = format!(r#"{frozen}, {{ {restart}, drone = 1, actor = "msp" }}"#);
+        flown("seed=1", &faults);
+    };
+    for at_s in [30.1, 30.6, 30.9] {
+        restarted(&format!(r#"at_s = {at_s}, kind = "crash-actor""#));
+    }
+    // It is noticed after a second.
+    restarted(r#"at_s = 29.85, kind = "hang""#);
+}

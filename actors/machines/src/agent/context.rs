@@ -135,7 +135,7 @@ impl Context<'_> {
     }
 
     /// Sends a message of at most [`MESSAGE_MAX`] bytes, to neighbours or to all of at most [`MESSAGE_FRAME_MAX`]. A message
-    /// to all can't be acknowledged: each hop repeats it, whatever `reliability` says.
+    /// to all can't be acknowledged: each hop repeats it, whatever `reliability` says, and no outcome is told.
     ///
     /// # Errors
     /// The message is too long, or this step has sent too many. Nothing is sent.

@@ -60,7 +60,7 @@ pub trait Agent: Send {
     /// The drone's position, once a period ([`Config::telemetry`]), and immediately when it arrives.
     fn telemetry(&mut self, _telemetry: &Telemetry, _context: &mut Context<'_>) {}
 
-    /// A message from another drone's agent arrived. Each message arrives at most once.
+    /// A message of an agent arrived, perhaps of this one: a leader's message to the leader. Each arrives at most once.
     fn message(&mut self, _from: NodeId, _payload: &[u8], _context: &mut Context<'_>) {}
 
     /// A timer has expired.

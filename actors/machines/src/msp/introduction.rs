@@ -8,8 +8,9 @@ use super::PortEvent;
 use super::controller::Stage;
 use crate::time::Timestamp;
 
-/// How long a status is told to new links. It is asked six times a second.
-const STATUS_MAX: Duration = Duration::from_millis(500);
+/// How long a status is told to new links. A link that runs sends RC for a second of silence, and so does one that takes over from
+/// it; the newest status is older than the newest answer by up to three of its periods of 160 ms.
+const STATUS_MAX: Duration = Duration::from_millis(1_500);
 
 /// What a port has said of its controller. The owner of a port keeps one beside it.
 #[derive(Debug, Default)]
@@ -88,8 +89,8 @@ mod tests {
         introduction.take(at(120), &told());
         let all = [identified(), told(), told()];
         assert!(introduction.events(at(130)).eq(all), "the two newest");
-        assert!(introduction.events(at(620)).eq([identified()]), "stale");
-        introduction.take(at(630), &PortEvent::Closed);
-        assert_eq!(introduction.events(at(630)).count(), 0);
+        assert!(introduction.events(at(1_620)).eq([identified()]), "stale");
+        introduction.take(at(1_630), &PortEvent::Closed);
+        assert_eq!(introduction.events(at(1_630)).count(), 0);
     }
 }
