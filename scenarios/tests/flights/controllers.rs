@@ -239,3 +239,26 @@ fn a_link_that_restarts_while_its_controller_stands_still_sends_rc_without_a_gap
     // It is noticed after a second.
     restarted(r#"at_s = 29.85, kind = "hang""#);
 }
+
+/// Its pilot landed it and left the switch of the override on.
+#[test]
+fn an_aircraft_that_came_down_without_its_process_stays_there_when_that_is_back() {
+    let changes = [
+        "seed=4400",
+        "formation.spacing_m=40",
+        "mission.file=stairs",
+        "vehicle.receiver=override",
+        "protocol.policy=flood",
+        "faults=[{ at_s = 32, kind = \"restart\", drone = 0, for_s = 14 }]",
+    ];
+    let report = fly(
+        &scenario("chaos-controllers.toml", &changes),
+        Engine::Events,
+    );
+    assert_eq!(report.violations, []);
+    let down = &report.drones[0];
+    assert_eq!(down.landed_because.as_deref(), Some(LINK_LOST), "{down:?}");
+    for other in &report.drones[1..] {
+        assert_eq!(other.state, "finished", "{other:?}");
+    }
+}

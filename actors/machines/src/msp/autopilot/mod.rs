@@ -294,6 +294,7 @@ impl AutopilotLink {
                 // The autopilot's own business.
                 from: None,
                 start: None,
+                is_high: false,
                 hover_throttle: 0.0,
                 ground_m: None,
             }),

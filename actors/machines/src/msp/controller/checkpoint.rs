@@ -17,6 +17,8 @@ pub struct Flight {
     pub from: Option<Ned>,
     /// Where it was when it was first told to fly.
     pub start: Option<Ned>,
+    /// Whether it was well above that place.
+    pub is_high: bool,
     /// Whether it was landing.
     pub is_landing: bool,
     /// Throttle at which the vehicle hovers, 0 to 1.

@@ -23,6 +23,14 @@ const STEP_MAX_S: f64 = 0.1;
 /// Time without a height after which a vehicle can't be flown. An estimate that is predicted for so long may be metres off.
 pub const HEIGHT_LOST_AFTER: Duration = Duration::from_secs(3);
 
+/// Above its start a vehicle is high from this height on, in metres: well above what a drifting barometer may show on the ground.
+/// Ours, as the next two.
+const HIGH_M: f64 = 3.0;
+/// Below this height it is no longer.
+const NOT_HIGH_M: f64 = 1.5;
+/// A vehicle that was high and is found below this height after a restart was brought down meanwhile.
+const LOW_M: f64 = 1.0;
+
 /// What a vehicle flies that a pilot handed over in the air before it was told anything.
 const fn hold(altitude_m: f64) -> Setpoint {
     Setpoint::Hold {
@@ -59,6 +67,8 @@ pub(super) struct ControlLoops {
     control: Control,
     stepped_at: Timestamp,
     lift: Lift,
+    /// Whether it is well above where it was first told to fly.
+    is_high: bool,
     touchdown: Touchdown,
     pub(super) watch: Watch,
     /// Why it must land, if the aircraft does not do what it is told. The first reason counts.
@@ -91,6 +101,7 @@ impl ControlLoops {
                 Some(_) => Lift::Left,
                 None => Lift::Ground,
             },
+            is_high: before.is_some_and(|it| it.is_high),
             touchdown: Touchdown::default(),
             watch: Watch::default(),
             impaired,
@@ -166,15 +177,35 @@ impl ControlLoops {
         }
     }
 
-    /// Goes on with what was flown before a restart, once it is known where the vehicle is.
-    pub(super) fn take_up(&mut self, now: Timestamp, is_armed: bool) {
+    /// Goes on with what was flown before a restart, once it is known where the vehicle is. Returns whether it is not: the vehicle
+    /// was high, and is found near the ground; somebody else has brought it down.
+    pub(super) fn take_up(&mut self, now: Timestamp, is_armed: bool) -> bool {
         let Some(estimate) = self.estimator.estimate() else {
-            return;
+            return false;
         };
-        let before = self.before.take().filter(|_| is_armed);
-        if let Some((setpoint, from)) = before.and_then(|it| Some((it.setpoint?, it.from))) {
-            self.guidance.take_up(now, (setpoint, from), &estimate);
+        let Some(before) = self.before.take().filter(|_| is_armed) else {
+            return false;
+        };
+        let is_low = self.climbed_m(&estimate).is_some_and(|it| it < LOW_M);
+        if before.is_high && is_low && !before.is_landing {
+            return true;
         }
+        if let Some(setpoint) = before.setpoint {
+            self.guidance
+                .take_up(now, (setpoint, before.from), &estimate);
+        }
+        false
+    }
+
+    /// Height above where it was first told to fly.
+    fn climbed_m(&self, estimate: &Estimate) -> Option<f64> {
+        let start = self.start?;
+        Some(estimate.position.altitude_m() - start.altitude_m())
+    }
+
+    /// Whether it is well above where it was first told to fly.
+    pub(super) const fn is_high(&self) -> bool {
+        self.is_high
     }
 
     /// The newest sticks. `may_hold`: a vehicle that was handed over in the air, and told nothing, is to stay there.
@@ -205,6 +236,9 @@ impl ControlLoops {
             return self.level_if(was_flying || self.lift == Lift::Unknown, tilt);
         };
         let altitude_m = estimate.position.altitude_m();
+        if let Some(climbed_m) = self.climbed_m(&estimate).filter(|_| self.before.is_none()) {
+            self.is_high = climbed_m > if self.is_high { NOT_HIGH_M } else { HIGH_M };
+        }
         let is_in_air = self.lift.look(altitude_m, -estimate.velocity.0.z);
         if hands == Hands::Pilot {
             // What it gives is not heard, until the pilot hands the sticks over.

@@ -214,10 +214,14 @@ impl ControllerLink {
         self.step(now);
     }
 
-    /// Goes on with what was flown before a restart, once the controller is known.
+    /// Goes on with what was flown before a restart, once the controller is known. An aircraft that was brought down meanwhile stays
+    /// there: it gets no RC until it has disarmed.
     fn take_up(&mut self, now: Timestamp) {
-        if self.reports.current().is_some() {
-            self.loops.take_up(now, self.is_armed());
+        if self.reports.current().is_some()
+            && self.loops.take_up(now, self.is_armed())
+            && self.authority.give_up()
+        {
+            self.lose(now);
         }
     }
 
@@ -325,6 +329,7 @@ impl ControllerLink {
             setpoint: loops.setpoint(),
             from: loops.from(),
             start: loops.start(),
+            is_high: loops.is_high(),
             is_landing: self.must_land,
             hover_throttle: loops.hover_throttle(),
             ground_m: loops.estimator.ground_m(),

@@ -20,6 +20,7 @@ fn in_flight(hover_throttle: f64) -> Checkpoint {
             }),
             from: Some(Ned::HOME),
             start: Some(Ned::HOME),
+            is_high: false,
             is_landing: false,
             hover_throttle,
             ground_m: Some(0.0),

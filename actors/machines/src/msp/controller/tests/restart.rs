@@ -160,3 +160,40 @@ fn port_that_was_closed_for_a_moment_in_flight_changes_no_height_and_loses_no_or
     assert!(bench.link.loops.is_landing());
     assert_eq!(bench.link.loops.estimator.ground_m(), ground_m);
 }
+
+/// A pilot or the failsafe brought the aircraft down while its process did not run. Found by `muster chaos`: it took off again.
+#[test]
+fn an_aircraft_that_was_high_and_is_found_on_the_ground_gets_no_rc_until_it_has_disarmed() {
+    for receiver in [Receiver::Sole, Receiver::Override] {
+        let modes = match receiver {
+            Receiver::Sole => ARM,
+            Receiver::Override => ARM | OVERRIDE,
+        };
+        let mut checkpoint = Bench::flying(receiver, modes).checkpoint.unwrap();
+        let flight = checkpoint.flight.as_mut().unwrap();
+        assert!(!flight.is_high && flight.start.is_some());
+        flight.is_high = true;
+        let found_at = |altitude_cm| {
+            let mut found = Bench::new(staged(Stage::Sim, receiver), Some(checkpoint));
+            found.give(Input::Port(identity(*b"SITL")));
+            found.give(Input::Port(status(modes)));
+            found.give(Input::Port(PortEvent::Told(Told::Altitude(Altitude {
+                altitude_cm,
+                ..Altitude::default()
+            }))));
+            found.give(Input::Port(status(modes)));
+            found
+        };
+        assert!(found_at(500).rc.is_some(), "{receiver:?}: it flies on");
+        let mut down = found_at(0);
+        assert_eq!(down.rc, None, "{receiver:?}");
+        let told = *down.telemetry.last().unwrap();
+        assert!(told.armed && told.landing, "{receiver:?}: {told:?}");
+        let mut again = Bench::new(staged(Stage::Sim, receiver), down.checkpoint);
+        again.give(Input::Port(identity(*b"SITL")));
+        again.give(Input::Port(status(modes)));
+        assert_eq!(again.rc, None, "{receiver:?}: nor after the next restart");
+        down.pass(300, 0);
+        assert!(!down.telemetry.last().unwrap().armed, "{receiver:?}");
+    }
+}
