@@ -90,7 +90,6 @@ struct Gaps {
     longest: Duration,
 }
 
-/// Without the time in which a processor stood still.
 #[expect(clippy::print_stdout, reason = "a measurement")]
 fn gaps(name: &str, receiver: &Receiver, stalls: &Stalls, since: Instant) -> Gaps {
     // The controller waits while what it has seen is looked at.
@@ -98,15 +97,14 @@ fn gaps(name: &str, receiver: &Receiver, stalls: &Stalls, since: Instant) -> Gap
     let before = times.partition_point(|at| *at < since);
     times.drain(..before.saturating_sub(1));
     times.push(Instant::now());
-    let measured = times.windows(2).map(|it| it[1] - it[0]).max();
-    let ran = times.windows(2).map(|it| stalls.ran(it[0], it[1]));
-    let mut gaps: Vec<_> = ran.collect();
+    let mut gaps: Vec<_> = times.windows(2).map(|it| it[1] - it[0]).collect();
     gaps.sort();
     let p99 = gaps[gaps.len() * 99 / 100];
     let longest = gaps[gaps.len() - 1];
     println!(
-        "{name}: {} gaps, p99 {p99:?}, max {longest:?}, with stalls of processors {measured:?}",
-        gaps.len()
+        "{name}: {} gaps, p99 {p99:?}, max {longest:?}; processors stood still for {:?} at most",
+        gaps.len(),
+        stalls.longest(since)
     );
     Gaps { p99, longest }
 }

@@ -146,8 +146,9 @@ fn raise_priority(priority: u8) -> bool {
     set_thread_priority_and_policy(thread_native_id(), priority, policy).is_ok()
 }
 
-/// When each processor stood still: a virtual one may not run for a tenth of a second, which no program on it can help. A thread
-/// of the highest priority here wakes on it every 5 ms and sees it. None are seen if the system grants no real time.
+/// When each processor stood still: a virtual one may not run for a tenth of a second, which explains a gap that no program on it
+/// can help. A thread of the highest priority here wakes on it every 5 ms and sees it. None are seen if the system grants no real
+/// time.
 pub(super) struct Stalls(Vec<Arc<Mutex<Intervals>>>);
 
 /// Beginnings and ends.
@@ -170,18 +171,14 @@ impl Stalls {
         Self(watch.collect())
     }
 
-    /// How long all processors ran between two instants.
-    pub(super) fn ran(&self, from: Instant, to: Instant) -> Duration {
-        let lost = self.0.iter().map(|stalls| {
+    /// The longest that has ended since then.
+    pub(super) fn longest(&self, since: Instant) -> Duration {
+        let longest = self.0.iter().filter_map(|stalls| {
             let stalls = stalls.lock().unwrap();
-            let overlap = |(stalled, ran): &(Instant, Instant)| {
-                (*ran)
-                    .min(to)
-                    .saturating_duration_since((*stalled).max(from))
-            };
-            stalls.iter().map(overlap).sum()
+            let ended = stalls.iter().filter(|(_, end)| *end > since);
+            ended.map(|(began, end)| *end - *began).max()
         });
-        (to - from).saturating_sub(lost.max().unwrap_or_default())
+        longest.max().unwrap_or_default()
     }
 }
 

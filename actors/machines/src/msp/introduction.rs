@@ -5,12 +5,12 @@ use std::time::Duration;
 use muster_msp::{Identity, Status, Telemetry as Told};
 
 use super::PortEvent;
-use super::controller::Stage;
+use super::controller::{LOST_AFTER, Stage};
 use crate::time::Timestamp;
 
 /// How long a status is told to new links. A link that runs sends RC for a second of silence, and so does one that takes over from
 /// it; the newest status is older than the newest answer by up to three of its periods of 160 ms.
-const STATUS_MAX: Duration = Duration::from_millis(1_500);
+const STATUS_MAX: Duration = LOST_AFTER.saturating_add(Duration::from_millis(500));
 
 /// What a port has said of its controller. The owner of a port keeps one beside it.
 #[derive(Debug, Default)]
