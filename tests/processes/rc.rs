@@ -97,14 +97,16 @@ fn gaps(name: &str, receiver: &Receiver, stalls: &Stalls, since: Instant) -> Gap
     let before = times.partition_point(|at| *at < since);
     times.drain(..before.saturating_sub(1));
     times.push(Instant::now());
-    let mut gaps: Vec<_> = times.windows(2).map(|it| it[1] - it[0]).collect();
-    gaps.sort();
-    let p99 = gaps[gaps.len() * 99 / 100];
-    let longest = gaps[gaps.len() - 1];
+    let mut gaps: Vec<_> = times.windows(2).map(|it| [it[0], it[1]]).collect();
+    let length = |[from, to]: [Instant; 2]| to - from;
+    gaps.sort_by_key(|gap| length(*gap));
+    let p99 = length(gaps[gaps.len() * 99 / 100]);
+    let last = gaps[gaps.len() - 1];
+    let longest = length(last);
     println!(
-        "{name}: {} gaps, p99 {p99:?}, max {longest:?}; processors stood still for {:?} at most",
+        "{name}: {} gaps, p99 {p99:?}, max {longest:?}, during which a processor stood still for {:?}",
         gaps.len(),
-        stalls.longest(since)
+        stalls.between(last)
     );
     Gaps { p99, longest }
 }

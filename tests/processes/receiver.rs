@@ -171,14 +171,16 @@ impl Stalls {
         Self(watch.collect())
     }
 
-    /// The longest that has ended since then.
-    pub(super) fn longest(&self, since: Instant) -> Duration {
-        let longest = self.0.iter().filter_map(|stalls| {
+    /// For how long a processor stood still between two moments; of the one that did for longest.
+    pub(super) fn between(&self, [from, to]: [Instant; 2]) -> Duration {
+        let still = self.0.iter().map(|stalls| {
             let stalls = stalls.lock().unwrap();
-            let ended = stalls.iter().filter(|(_, end)| *end > since);
-            ended.map(|(began, end)| *end - *began).max()
+            let within = stalls
+                .iter()
+                .map(|(began, end)| (*end).min(to).saturating_duration_since((*began).max(from)));
+            within.sum()
         });
-        longest.max().unwrap_or_default()
+        still.max().unwrap_or_default()
     }
 }
 

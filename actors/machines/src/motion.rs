@@ -272,7 +272,7 @@ impl Motion {
         }
     }
 
-    /// Brakes at `at` and descends to the ground on the spot.
+    /// Brakes at `at` and descends to the ground on the spot. From below the ground it only brakes: a landing never climbs.
     pub fn land(&mut self, at: Timestamp, landing: Landing) {
         let Landing {
             descent_mps,
@@ -286,8 +286,9 @@ impl Motion {
             let low = from.at_altitude(final_altitude_m);
             self.fly(low, descent_mps, acceleration_mps2);
         }
-        let ground = from.at_altitude(0.0);
-        self.fly(ground, final_mps, acceleration_mps2);
+        if from.altitude_m() > 0.0 {
+            self.fly(from.at_altitude(0.0), final_mps, acceleration_mps2);
+        }
     }
 
     /// Appends a straight leg to `to`, from rest to rest: a trapezoid of speed, or a triangle if the leg is too short for
@@ -372,5 +373,38 @@ impl Motion {
             acceleration,
         });
         end
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_landing_never_climbs_and_ends_on_the_ground_or_below() {
+        let landing = Landing {
+            descent_mps: 1.5,
+            final_mps: 0.5,
+            final_altitude_m: 3.0,
+            acceleration_mps2: 1.0,
+        };
+        let at = |seconds: f64| Timestamp::ZERO + Duration::from_secs_f64(seconds);
+        for altitude_m in [-2.0, -0.1, 0.0, 0.1, 1.0, 3.1, 40.0] {
+            for sinks_mps in [0.0, 0.3, 2.0] {
+                let place = Ned::HOME.at_altitude(altitude_m);
+                let mut motion = Motion::at_rest(place);
+                motion.observe(at(0.0), place, Velocity::new(0.0, 0.0, sinks_mps), at(1.0));
+                motion.land(at(0.0), landing);
+                let altitudes_m = (0..1_000).map(|tenth| {
+                    let now = at(f64::from(tenth) / 10.0);
+                    motion.position(now).altitude_m()
+                });
+                let altitudes_m: Vec<_> = altitudes_m.collect();
+                let climbs = altitudes_m.windows(2).any(|it| it[1] > it[0] + 1e-9);
+                assert!(!climbs, "{altitude_m} {sinks_mps} {altitudes_m:?}");
+                let end_m = motion.end().altitude_m();
+                assert!(end_m <= 0.0, "{altitude_m} {sinks_mps} {end_m}");
+            }
+        }
     }
 }

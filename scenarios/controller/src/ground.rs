@@ -1,6 +1,6 @@
 //! Contact with flat ground: the aircraft stands on legs, lands softly or breaks.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::airframe::GRAVITY_MPS2;
 use crate::body::{Body, level};
@@ -91,10 +91,18 @@ impl Landing {
             body.attitude = goal;
             body.rates = Vector3::zeros();
         } else {
+            // A quaternion and its opposite are one attitude. The way to the farther one is a turn the other way round.
+            let is_near = body.attitude.coords.dot(&goal.coords) >= 0.0;
+            let goal = if is_near { goal } else { opposite(goal) };
             body.attitude = body.attitude.nlerp(&goal, share);
             body.rates *= 1.0 - share;
         }
     }
+}
+
+/// The same attitude as the other quaternion.
+fn opposite(attitude: UnitQuaternion<f64>) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_unchecked(-attitude.into_inner())
 }
 
 impl Body {
@@ -114,5 +122,27 @@ impl Body {
     /// Whether it has come to rest.
     pub(crate) fn is_still(&self) -> bool {
         self.velocity == Vector3::zeros() && self.rates == Vector3::zeros()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn legs_level_an_aircraft_whichever_way_it_has_turned() {
+        for heading_rad in [-3.0, -1.0, 0.5, 2.0, 3.0] {
+            let mut body = Body::at_rest(Vector3::zeros(), heading_rad);
+            body.attitude *= UnitQuaternion::from_euler_angles(0.1, 0.1, 0.0);
+            for attitude in [body.attitude, opposite(body.attitude)] {
+                let mut body = Body { attitude, ..body };
+                for _ in 0..500 {
+                    let before = body.velocity;
+                    let contact = Landing::default().contact(&mut body, before, 0.0, 1e-3);
+                    assert_eq!(contact, Contact::Ground, "{heading_rad}");
+                }
+                assert!(body.tilt_rad() < 0.001, "{heading_rad} {}", body.tilt_rad());
+            }
+        }
     }
 }

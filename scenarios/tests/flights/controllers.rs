@@ -262,3 +262,25 @@ fn an_aircraft_that_came_down_without_its_process_stays_there_when_that_is_back(
         assert_eq!(other.state, "finished", "{other:?}");
     }
 }
+
+/// Without GPS it drifts, and begins its landing anew; by then it is below where its barometer says that the ground is.
+#[test]
+fn an_aircraft_that_begins_its_landing_anew_near_the_ground_goes_on_down() {
+    let changes = [
+        "seed=6492",
+        "formation.kind=circular",
+        "formation.drones=5",
+        "formation.spacing_m=40",
+        "formation.ground=grid",
+        "mission.file=hillside",
+        "radio.loss=0.1",
+        "protocol.policy=flood",
+        r#"faults=[
+            { kind = "jam", at_waypoint = 0, after_s = 2.3, north_m = 75, east_m = 70, radius_m = 120 },
+            { kind = "lose-gps", when = "settled", drone = "master" },
+        ]"#,
+    ];
+    let scenario = scenario("chaos-controllers.toml", &changes);
+    let report = fly(&scenario, Engine::Events);
+    assert_eq!(report.violations, []);
+}

@@ -32,7 +32,7 @@ pub(super) struct Descent {
 /// Looks for the ground: the vehicle is to go down, and doesn't.
 #[derive(Debug, Default)]
 pub(super) struct Touchdown {
-    /// Since when it has been still, and at which height.
+    /// Since when it has been still where the ground should be, or now; and at which height it has been still.
     still: Option<(Timestamp, f64)>,
     pressed_since: Option<Timestamp>,
 }
@@ -43,7 +43,7 @@ impl Touchdown {
         self.pressed_since.is_some()
     }
 
-    /// How long a vehicle that lands has been still.
+    /// How long a vehicle that lands has been still where the ground should be.
     pub(super) fn still_for(&self, now: Timestamp) -> Duration {
         (self.still).map_or(Duration::ZERO, |(since, _)| now.since(since))
     }
@@ -55,9 +55,13 @@ impl Touchdown {
             return false;
         };
         let is_near = |height_m: f64| (height_m - descent.height_m).abs() < STILL_M;
-        if !self.still.is_some_and(|(_, height_m)| is_near(height_m)) {
-            self.still = Some((now, descent.height_m));
-            self.pressed_since = None;
+        match self.still.filter(|&(_, height_m)| is_near(height_m)) {
+            Some((_, height_m)) if !descent.is_expected => self.still = Some((now, height_m)),
+            Some(_) => {}
+            None => {
+                self.still = Some((now, descent.height_m));
+                self.pressed_since = None;
+            }
         }
         if descent.down_mps2 < PRESSED_MPS2 {
             self.pressed_since = None;
@@ -104,6 +108,23 @@ mod tests {
             ..STANDING
         };
         assert_eq!(found_after(seems_to_move), Some(700));
+    }
+
+    #[test]
+    fn a_vehicle_that_brakes_above_the_ground_is_not_still() {
+        let mut touchdown = Touchdown::default();
+        let brakes = Descent {
+            down_mps2: 0.0,
+            is_expected: false,
+            ..STANDING
+        };
+        let at = |milliseconds: u64| Timestamp::from_nanos(milliseconds * 1_000_000);
+        for now in [0, 1_000, 2_000] {
+            touchdown.look(at(now), Some(brakes));
+        }
+        assert_eq!(touchdown.still_for(at(2_000)), Duration::ZERO);
+        touchdown.look(at(2_020), Some(STANDING));
+        assert_eq!(touchdown.still_for(at(2_500)), Duration::from_millis(500));
     }
 
     #[test]
