@@ -184,6 +184,58 @@ fn crate_that_muster_new_agent_writes_flies() {
 }
 
 #[test]
+fn errors_in_what_an_agent_takes_show_their_place_and_what_it_takes() {
+    install();
+    let lanes = fs::read_to_string("examples/agents/lanes.toml").unwrap();
+    let folder = tempfile::tempdir().unwrap();
+    let scenario = folder.path().join("search.toml");
+    let missions = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/missions");
+    let lanes = lanes.replace("../../scenarios/missions", missions.to_str().unwrap());
+    let refused = |from: &str, to: &str| {
+        assert!(lanes.contains(from), "{from}");
+        fs::write(&scenario, lanes.replace(from, to)).unwrap();
+        let refused = Sim::load(&scenario).unwrap_err().to_string();
+        // Lines are as wide as the terminal.
+        let words = refused.split_whitespace().filter(|it| *it != "│");
+        words.collect::<Vec<_>>().join(" ")
+    };
+    let cases = [
+        (
+            "length_m = 200",
+            "lenght_m = 200",
+            "did you mean `length_m`?",
+        ),
+        (
+            "length_m = 200",
+            "lenght_m = 200",
+            "takes corner_m, length_m, lanes,",
+        ),
+        ("length_m = 200", "length_m = \"x\"", "expected a number"),
+        ("lane_m = 20\n", "", "missing field `lane_m`"),
+        (
+            "name = \"lanes\"",
+            "name = \"lanse\"",
+            "did you mean `lanes`?",
+        ),
+        (
+            "[agent]\nname = \"lanes\"\n\n[agent.parameters]",
+            "[vehicle]",
+            "needs a table `[agent]`",
+        ),
+    ];
+    for (from, to, said) in cases {
+        let refused = refused(from, to);
+        assert!(refused.contains(said), "{refused}");
+    }
+    let misspelt = refused("length_m = 200", "lenght_m = 200");
+    let line = lanes.lines().position(|it| it == "length_m = 200").unwrap() + 1;
+    assert!(
+        misspelt.contains(&format!("search.toml:{line}:1")),
+        "{misspelt}"
+    );
+}
+
+#[test]
 fn existing_folder_is_not_touched_by_muster_new_agent() {
     let folder = tempfile::tempdir().unwrap();
     for name in [".", "Search", "1st", "muster"] {

@@ -3,6 +3,7 @@
 //! Drone 0 is the base, the last drone the mule, all others are sensors. Nobody leads all of them: on its way the mule meets
 //! one after the other.
 
+use std::error::Error;
 use std::time::Duration;
 
 use muster::agent::{
@@ -49,14 +50,15 @@ pub(crate) struct Mule {
 }
 
 impl Mule {
-    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, String> {
-        let parameters: Parameters = spec.parameters().map_err(|error| error.to_string())?;
+    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, Box<dyn Error + Send + Sync>> {
+        let parameters: Parameters = spec.parameters()?;
         let places = spec.drones as usize - 1;
         if parameters.places_m.len() != places {
             return Err(format!(
                 "`places_m` has {} places; one for each drone but the mule is needed, {places}",
                 parameters.places_m.len()
-            ));
+            )
+            .into());
         }
         Ok(Self {
             parameters,

@@ -1,5 +1,6 @@
 //! Pursuit of a moving target: a drone that sees it tells the others, and all take their places around it.
 
+use std::error::Error;
 use std::f64::consts::TAU;
 use std::time::Duration;
 
@@ -74,10 +75,10 @@ pub(crate) struct Pursuit {
 }
 
 impl Pursuit {
-    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, String> {
-        let parameters: Parameters = spec.parameters().map_err(|error| error.to_string())?;
+    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, Box<dyn Error + Send + Sync>> {
+        let parameters: Parameters = spec.parameters()?;
         if parameters.path_m.len() < 2 {
-            return Err("`path_m` needs at least two corners".to_owned());
+            return Err("`path_m` needs at least two corners".into());
         }
         Ok(Self {
             parameters,

@@ -9,6 +9,7 @@ use std::time::Duration;
 use muster_machines::agent::{self, Agent, Context};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
@@ -19,16 +20,43 @@ pub struct AgentSpec {
     pub id: NodeId,
     /// Number of drones of the swarm.
     pub drones: u32,
-    parameters: Arc<toml::Table>,
+    parameters: Arc<Parameters>,
 }
 
 impl AgentSpec {
     /// The fields of `[agent.parameters]` in the scenario file, as a type of one's own.
     ///
     /// # Errors
-    /// A field is missing, unknown or has another type. The factory returns that, and the file is refused.
+    /// A field is missing, unknown or has another type. The factory returns that, and the file is refused at that place.
     pub fn parameters<T: DeserializeOwned>(&self) -> Result<T, toml::de::Error> {
-        self.parameters.as_ref().clone().try_into()
+        let table = self.parameters.table.clone();
+        table
+            .try_into()
+            .map_err(|error| self.parameters.locate::<T>().unwrap_or(error))
+    }
+}
+
+/// The table `[agent.parameters]`, and the scenario file's text if it has that table.
+#[derive(Debug, Default)]
+pub(crate) struct Parameters {
+    pub(crate) table: toml::Table,
+    pub(crate) file: Option<String>,
+}
+
+impl Parameters {
+    /// Why the table is none of these, with its place in the file.
+    fn locate<T: DeserializeOwned>(&self) -> Option<toml::de::Error> {
+        #[derive(Deserialize)]
+        struct File<T> {
+            #[serde(rename = "agent")]
+            _agent: Agent<T>,
+        }
+        #[derive(Deserialize)]
+        struct Agent<T> {
+            #[serde(rename = "parameters")]
+            _parameters: T,
+        }
+        toml::from_str::<File<T>>(self.file.as_ref()?).err()
     }
 }
 
@@ -124,7 +152,7 @@ pub struct PlannedAgent {
     pub telemetry: Duration,
     /// Highest altitude that it may fly to, in metres above home.
     pub altitude_max_m: f64,
-    parameters: Arc<toml::Table>,
+    parameters: Arc<Parameters>,
     factory: Option<AgentFactory>,
 }
 
@@ -133,7 +161,7 @@ impl PlannedAgent {
         name: &str,
         waypoints: Arc<[Ned]>,
         (telemetry, altitude_max_m): (Duration, f64),
-        parameters: toml::Table,
+        parameters: Parameters,
         agents: &Agents,
     ) -> Self {
         Self {

@@ -17,7 +17,7 @@ use miette::{
 };
 pub use near::{did_you_mean, did_you_mean_file, nearest};
 pub use toml_file::{FileFormat, TomlFile};
-pub(crate) use wording::plain;
+pub(crate) use wording::{names, plain};
 
 /// The largest file that [`read_text`] reads, in bytes. A mission of a thousand items takes a tenth of it.
 pub const FILE_SIZE_MAX: u64 = 4 * 1024 * 1024;

@@ -79,7 +79,7 @@ fn unknown<'a>(message: &'a str, start: &str) -> Option<(&'a str, &'a str)> {
 }
 
 /// The names between backticks.
-fn names(list: &str) -> impl Iterator<Item = &str> {
+pub(crate) fn names(list: &str) -> impl Iterator<Item = &str> {
     list.split('`').skip(1).step_by(2)
 }
 

@@ -1,5 +1,7 @@
 //! The agent of a plan.
 
+use std::error::Error;
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -7,8 +9,9 @@ use muster_machines::geometry::Ned;
 
 use super::file::Source;
 use super::raw::{ProtocolKind, Raw};
-use crate::agents::{Agents, PlannedAgent};
-use crate::diagnostic::BadInput;
+use crate::agents::{Agents, Parameters, PlannedAgent};
+use crate::diagnostic::{BadInput, did_you_mean, names, plain};
+use crate::schema::Located;
 
 /// How long agents are expected to fly: a default for the limits.
 pub(super) const EXPECTED: Duration = Duration::from_secs(300);
@@ -21,7 +24,7 @@ pub(super) fn agent(
     altitude_max_m: f64,
     agents: Option<&Agents>,
 ) -> Result<Option<PlannedAgent>, BadInput> {
-    let table = match (&raw.agent, raw.protocol.kind) {
+    let table = match (&raw.agent, raw.protocol.kind.get_ref()) {
         (Some(table), ProtocolKind::Agent) => table.get_ref(),
         (Some(table), _) => {
             let message = "the table `[agent]` needs the protocol \"agent\"";
@@ -29,7 +32,8 @@ pub(super) fn agent(
         }
         (None, ProtocolKind::Agent) => {
             let message = "the protocol \"agent\" needs a table `[agent]`";
-            return Err(source.error(raw.protocol.policy.span(), message));
+            let help = "add `[agent]` with `name`, the agent that flies";
+            return Err(source.error_with(raw.protocol.kind.span(), message, help.to_owned()));
         }
         (None, _) => return Ok(None),
     };
@@ -44,7 +48,10 @@ pub(super) fn agent(
             Duration::from_millis(table.telemetry_ms.get_ref().0),
             altitude_max_m,
         ),
-        (table.parameters.as_ref()).map_or_else(Default::default, |it| it.get_ref().clone()),
+        (table.parameters.as_ref()).map_or_else(Parameters::default, |it| Parameters {
+            table: it.get_ref().clone(),
+            file: Some(source.text.clone()),
+        }),
         agents.unwrap_or(Agents::installed()),
     );
     if let Some(agents) = agents.filter(|_| !agent.is_available()) {
@@ -52,15 +59,35 @@ pub(super) fn agent(
     }
     let drones = u32::try_from(raw.formation.drones.get_ref().0).unwrap_or(u32::MAX);
     if let Err(error) = agent.check(drones) {
-        let span = table.parameters.as_ref().map(|it| it.span());
-        let message = format!(
-            "the agent `{}` refuses its parameters: {}",
-            agent.name,
-            error.to_string().trim()
-        );
-        return Err(source.error(span.unwrap_or(table.name.span()), &message));
+        let table = table
+            .parameters
+            .as_ref()
+            .map_or(table.name.span(), Located::span);
+        return Err(refused(source, table, &agent.name, error.as_ref()));
     }
     Ok(Some(agent))
+}
+
+/// The agent refuses its parameters, which are at `table`.
+fn refused(
+    source: &Source,
+    table: Range<usize>,
+    agent: &str,
+    error: &(dyn Error + 'static),
+) -> BadInput {
+    let located = error.downcast_ref::<toml::de::Error>();
+    let why = located.map_or_else(|| error.to_string(), |it| plain(it.message()));
+    let message = format!("the agent `{agent}` refuses its parameters: {why}");
+    let span = located.and_then(toml::de::Error::span).unwrap_or(table);
+    let unknown = located.map(toml::de::Error::message);
+    match unknown.filter(|it| it.starts_with("unknown field")) {
+        Some(unknown) => {
+            let fields: Vec<_> = names(unknown).skip(1).collect();
+            let help = format!("`agent.parameters` takes {}", fields.join(", "));
+            source.error_with(span, &message, help)
+        }
+        None => source.error(span, &message),
+    }
 }
 
 fn unavailable(name: &str, agents: &Agents) -> String {
@@ -69,8 +96,9 @@ fn unavailable(name: &str, agents: &Agents) -> String {
         format!("this program has no agents; use the program that has `{name}`")
     } else {
         format!(
-            "this program has no agent `{name}`; it has {}",
-            names.join(", ")
+            "this program has no agent `{name}`; it has {}{}",
+            names.join(", "),
+            did_you_mean(name, names.iter())
         )
     }
 }

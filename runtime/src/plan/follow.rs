@@ -33,7 +33,7 @@ pub(super) fn follow(
     heights_m: Heights,
 ) -> Result<Option<Follow>, BadInput> {
     let unset = raw::Follow::default();
-    let fields = match (&raw.follow, raw.protocol.kind) {
+    let fields = match (&raw.follow, raw.protocol.kind.get_ref()) {
         (Some(table), ProtocolKind::Muscop | ProtocolKind::Agent) => {
             let message = "the table `[follow]` needs the protocol \"follow\"";
             return Err(source.error(table.span(), message));

@@ -89,13 +89,13 @@ pub(super) fn changes(
     for change in &raw.changes {
         let waypoint = change.waypoint.get_ref().0;
         let refuse = |message: &str| Err(source.error(change.waypoint.span(), message));
-        let last = if raw.protocol.kind == ProtocolKind::Follow {
+        let last = if *raw.protocol.kind.get_ref() == ProtocolKind::Follow {
             0
         } else {
             waypoints - 1
         };
         if waypoint > last as u64 {
-            return refuse(&match raw.protocol.kind {
+            return refuse(&match raw.protocol.kind.get_ref() {
                 ProtocolKind::Follow => {
                     "with the protocol \"follow\" the formation changes at waypoint 0 only"
                         .to_owned()

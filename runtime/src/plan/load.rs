@@ -324,7 +324,7 @@ fn avoid(
         speed_mps: vehicle.speed_mps,
         climb_mps: vehicle.climb_mps,
         touch_down_margin: Duration::from_secs_f64(touch_down_s),
-        has_followers: raw.protocol.kind == ProtocolKind::Follow,
+        has_followers: *raw.protocol.kind.get_ref() == ProtocolKind::Follow,
     }
 }
 
@@ -386,7 +386,7 @@ fn barrier(source: &Source, raw: &Raw) -> Result<Barrier, BadInput> {
         return Ok(Barrier::Strict);
     };
     let barrier = Barrier::from(*name.get_ref());
-    if barrier == Barrier::Neighbours && raw.protocol.kind != ProtocolKind::Muscop {
+    if barrier == Barrier::Neighbours && *raw.protocol.kind.get_ref() != ProtocolKind::Muscop {
         let message =
             "`barrier = \"neighbours\"` needs the protocol \"muscop\": others have no barrier";
         return Err(source.error(name.span(), message));

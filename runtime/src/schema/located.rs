@@ -47,6 +47,13 @@ impl<T> From<T> for Located<T> {
     }
 }
 
+/// The default of a field that is not in the file.
+impl<T: Default> Default for Located<T> {
+    fn default() -> Self {
+        T::default().into()
+    }
+}
+
 impl<T: Serialize> Serialize for Located<T> {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         self.value.serialize(serializer)

@@ -7,7 +7,7 @@ use muster_runtime::diagnostic::BadInput;
 use super::seeds::Seeds;
 use super::shard::Shard;
 use crate::report::Engine;
-use crate::report::figures::quoted;
+use crate::report::figures::{program, quoted};
 use crate::scenario::{self, Override, Scenario, Variation};
 
 /// Maximum number of runs of a campaign, over all shards.
@@ -189,7 +189,8 @@ impl Campaign {
     #[must_use]
     pub fn command(&self) -> String {
         let mut command = format!(
-            "muster campaign {} --seeds {} --engine {}",
+            "{} campaign {} --seeds {} --engine {}",
+            program(),
             quoted(&self.scenario),
             self.seeds,
             self.engine

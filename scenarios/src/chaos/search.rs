@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::grammar;
 use crate::campaign::Seeds;
-use crate::report::figures::quoted;
+use crate::report::figures::{program, quoted};
 use crate::scenario::{self, Chaos, Fault, Override, Scenario, Variation, written};
 
 /// Arguments of a search.
@@ -126,7 +126,7 @@ impl Search {
     #[must_use]
     pub fn command(&self, seeds: Seeds) -> String {
         let path = quoted(&self.request.scenario.display().to_string());
-        let mut command = format!("muster chaos {path} --seeds {seeds}");
+        let mut command = format!("{} chaos {path} --seeds {seeds}", program());
         for change in &self.request.set {
             command.push_str(&format!(" --set {}", quoted(&change.to_string())));
         }

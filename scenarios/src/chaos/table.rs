@@ -6,7 +6,7 @@ use super::coverage::Row;
 use super::run::{Finding, SearchResult};
 use super::state::BrokenPlan;
 use crate::report::Colour;
-use crate::report::figures::count;
+use crate::report::figures::{count, program};
 use crate::report::table::{GREEN, RED, STYLE, painted};
 use muster_runtime::text::{drones, figure, plural};
 
@@ -46,11 +46,10 @@ pub fn explanation(searched: &SearchResult, colour: Colour) -> String {
     let hours = figure(simulated_s / 3_600.0, 1);
     let per_second = |number: f64| figure(number / core_s.max(f64::EPSILON), 0);
     format!(
-        "{}{}\n plans  {} without a violation; mission completed in {completed}\n values {} combinations; {redrawn} redraws \
+        "{}\n plans  {} without a violation; mission completed in {completed}\n values {} combinations; {redrawn} redraws \
          of incompatible values\n time   {hours} simulated hours in {} core-seconds: {} plans and {} drone-seconds per \
          core-second\n",
         coverage(searched, colour),
-        gaps(searched),
         plans - searched.broken.len() as u64,
         figure(count(combinations), 0),
         figure(core_s, 0),
@@ -75,42 +74,40 @@ fn listed(searched: &SearchResult, colour: Colour) -> String {
     text
 }
 
+/// How often each fault was injected in each state, without rows and columns of faults and states that never were.
 fn coverage(searched: &SearchResult, colour: Colour) -> String {
+    let (injected, never): (Vec<_>, Vec<_>) = (searched.coverage.rows())
+        .map(|(name, row)| (name, row.cells()))
+        .partition(|(_, cells)| cells.iter().any(|it| *it > 0));
+    let (met, unmet): (Vec<_>, Vec<_>) = (Row::COLUMNS.iter().enumerate())
+        .partition(|(place, _)| injected.iter().any(|(_, cells)| cells[*place] > 0));
     let mut table = Table::new();
     table.force_no_tty().load_style(STYLE);
     if colour == Colour::Always {
         table.enforce_styling();
     }
     let head = |name: &str| Cell::new(name).add_attribute(Attribute::Bold);
-    let columns = Row::COLUMNS.iter().map(|name| head(name));
+    let columns = met.iter().map(|(_, name)| head(name));
     table.set_header(std::iter::once(head("injected fault")).chain(columns));
-    for (name, row) in searched.coverage.rows() {
-        let cells = row
-            .cells()
-            .map(|number| Cell::new(number).set_alignment(CellAlignment::Right));
+    for (name, row) in &injected {
+        let cells = met.iter().map(|(place, _)| match row[*place] {
+            0 => Cell::new("–"),
+            number => Cell::new(number),
+        });
+        let cells = cells.map(|it| it.set_alignment(CellAlignment::Right));
         table.add_row(std::iter::once(Cell::new(name)).chain(cells));
     }
-    format!("{table}\n")
-}
-
-/// States in which some kind of fault was never injected.
-fn gaps(searched: &SearchResult) -> String {
-    let rows: Vec<_> = searched.coverage.rows().collect();
-    let mut lines = String::new();
-    for (place, column) in Row::COLUMNS.iter().enumerate() {
-        let missed: Vec<_> = rows
-            .iter()
-            .filter(|(_, row)| row.cells()[place] == 0)
-            .map(|(name, _)| *name)
-            .collect();
-        let line = match missed.len() {
-            0 => continue,
-            all if all == rows.len() => format!("no fault injected: {column}"),
-            _ => format!("not injected, {column}: {}", missed.join(", ")),
-        };
-        lines.push_str(&format!(" {line}\n"));
-    }
-    lines
+    let never = never.iter().map(|(name, _)| *name);
+    let unmet = unmet.iter().map(|(_, name)| **name);
+    let lines = [
+        ("never injected", never.collect()),
+        ("no fault injected", unmet.collect()),
+    ];
+    let lines = lines.map(|(what, names): (_, Vec<&str>)| match names.is_empty() {
+        true => String::new(),
+        false => format!(" {what}: {}\n", names.join(", ")),
+    });
+    format!("{table}\n{}", lines.concat())
 }
 
 fn found(finding: &Finding, colour: Colour) -> String {
@@ -124,12 +121,13 @@ fn found(finding: &Finding, colour: Colour) -> String {
         violation.what
     );
     format!(
-        "{}\n  seed {}: {} of {before} left after {} smaller plans\n    {}\n    muster sim {}\n",
+        "{}\n  seed {}: {} of {before} left after {} smaller plans\n    {}\n    {} sim {}\n",
         painted(&broken, RED, colour),
         finding.seed,
         plural(after, "fault"),
         finding.tried,
         finding.command,
+        program(),
         finding.scenario.display(),
     )
 }

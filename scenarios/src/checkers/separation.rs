@@ -98,9 +98,11 @@ impl SeparationChecker {
                     at,
                     drones: vec![drone, NodeId(u32::try_from(other).unwrap_or(u32::MAX))],
                     what: format!(
-                        "drones {drone} and {other} are {} m apart horizontally and {} m vertically",
+                        "drones {drone} and {other} are {} m apart horizontally and {} m vertically; {} m or {} m are needed",
                         rounded_down(horizontal_m, 2),
-                        rounded_down(vertical_m, 2)
+                        rounded_down(vertical_m, 2),
+                        self.separation.horizontal_m,
+                        self.separation.vertical_m
                     ),
                 }));
             }

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use muster_runtime::agents::Agents;
 use muster_runtime::text::figure;
 
 use super::{Barrier, DroneReport, Engine, FormationChange, Report, Role};
@@ -142,6 +143,14 @@ impl Report {
     }
 }
 
+/// The program in commands that repeat something: a program of one's own has agents that `muster` lacks.
+pub(crate) fn program() -> String {
+    let has_agents = Agents::installed().names().next().is_some();
+    let own = std::env::current_exe().ok().filter(|_| has_agents);
+    let name = own.as_deref().and_then(Path::file_name);
+    name.map_or_else(|| "muster".to_owned(), |it| quoted(&it.to_string_lossy()))
+}
+
 /// Command that repeats a run, quoted for a POSIX shell.
 pub(crate) fn command(
     scenario: &str,
@@ -149,10 +158,10 @@ pub(crate) fn command(
     engine: Option<Engine>,
     overrides: &[String],
 ) -> String {
-    let scenario = quoted(scenario);
+    let (program, scenario) = (program(), quoted(scenario));
     let mut command = match engine {
-        Some(engine) => format!("muster sim {scenario} --seed {seed} --engine {engine}"),
-        None => format!("muster swarm {scenario}"),
+        Some(engine) => format!("{program} sim {scenario} --seed {seed} --engine {engine}"),
+        None => format!("{program} swarm {scenario}"),
     };
     for change in overrides {
         command.push_str(" --set ");

@@ -147,7 +147,8 @@ fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
     let (record, traffic) = (recorder.of(id), recorder.traffic(id));
     let waits: Vec<Duration> = record.waits().collect();
     let routes = &record.routes;
-    let leads = recorder.leader_of(id) == id;
+    // Segments that meet while they land agree on a master, but the routes are those from before.
+    let leads = recorder.leader_of(id) == id || routes.hops == Some(0);
     DroneReport {
         id: id.0,
         role: if leads { Role::Master } else { Role::Member },

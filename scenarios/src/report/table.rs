@@ -271,7 +271,7 @@ fn incomplete_mission(report: &Report) -> &'static str {
     } else if report.unchecked {
         "not completed"
     } else if report.drones.iter().any(has_flown) {
-        "not completed: the swarm landed before the last waypoint"
+        "not completed: drones landed before the mission was over"
     } else {
         "not flown: no drone reached the first waypoint"
     }

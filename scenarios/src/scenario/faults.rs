@@ -26,7 +26,7 @@ pub(super) fn faults(source: &Source, raw: &Raw, waypoints: usize) -> Result<Vec
         has_pilots: raw.vehicle.receiver.as_ref().map(|it| *it.get_ref())
             == Some(ReceiverName::Override),
         drones: raw.formation.drones.get_ref().0 + raw.relays.len() as u64,
-        last_waypoint: match raw.protocol.kind {
+        last_waypoint: match raw.protocol.kind.get_ref() {
             // A swarm that follows its master, or is on task, reaches waypoint 0 when it has taken off, and no other.
             ProtocolKind::Follow | ProtocolKind::Agent => 0,
             ProtocolKind::Muscop => waypoints - 1,

@@ -258,7 +258,7 @@ pub struct Radio {
 pub struct Protocol {
     /// How the swarm flies once all drones are in their slots.
     #[serde(default)]
-    pub kind: ProtocolKind,
+    pub kind: Located<ProtocolKind>,
     /// How orders and acknowledgements spread.
     pub policy: Located<PolicyName>,
     /// Which drones the master waits for at a waypoint.
