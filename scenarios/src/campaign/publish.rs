@@ -68,7 +68,6 @@ pub(super) fn publish(
     let refused = |name: &str, error: io::Error| WriteError::file(&dir.join(name), error);
     let mut jsonl = DraftFile::create(dir, RUNS_JSONL)?;
     let mut csv = Table::create(dir, RUNS_CSV, row::heading(campaign))?;
-    let mut summary_csv = Table::create(dir, SUMMARY_CSV, summary::heading(campaign))?;
     let (mut summaries, mut broken) = (Vec::new(), Vec::new());
     let seeds = campaign.runs() / campaign.combinations();
     for combination in 0..campaign.combinations() {
@@ -90,9 +89,13 @@ pub(super) fn publish(
         }
         let summary = tally.summary(campaign, combination);
         if summary.runs > 0 {
-            summary_csv.add(summary.record())?;
             summaries.push(summary);
         }
+    }
+    let observed = summary::observed(&summaries);
+    let mut summary_csv = Table::create(dir, SUMMARY_CSV, summary::heading(campaign, &observed))?;
+    for summary in &summaries {
+        summary_csv.add(summary.record(&observed))?;
     }
     let mut html = DraftFile::create(dir, SUMMARY_HTML)?;
     html.write_all(page(campaign, &summaries, &broken).as_bytes())

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use super::plan::Campaign;
 use crate::report::{Barrier, DroneReport, Engine, Report};
 
-/// A line of `runs.jsonl`. `runs.csv` has the same fields, and one column per varied field.
+/// A line of `runs.jsonl`. `runs.csv` has the same fields but what agents observed, and one column per varied field.
 ///
 /// No field depends on when, where or how fast the run was made. Times and lengths are rounded to 1e-6, so that any JSON
 /// reader reads back the same value.
@@ -62,6 +62,9 @@ pub struct Row {
     pub min_separation_m: Option<f64>,
     /// Number of actor restarts of all drones.
     pub restarts: u64,
+    /// The last value of each name that agents of the scenario's own swarm observed, of whichever drone; finite ones.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub observed: BTreeMap<String, f64>,
     /// Whether all swarms completed their missions; see [`Report::are_missions_completed`].
     pub mission_completed: bool,
     /// Number of violations; the first one stops the run.
@@ -140,6 +143,10 @@ impl Row {
             election_max_s: settled.reduce(f64::max).map(rounded),
             min_separation_m: report.min_separation_m.map(rounded),
             restarts: report.drones.iter().map(restarts).sum(),
+            observed: (report.observed.iter())
+                .filter(|it| it.value.is_finite())
+                .map(|it| (it.name.clone(), rounded(it.value)))
+                .collect(),
             mission_completed: report.are_missions_completed(),
             violations: report.violations.len() as u64,
             rule: first.map(|violation| violation.rule),
@@ -249,7 +256,7 @@ pub(super) fn rounded(value: f64) -> f64 {
 pub(super) mod tests {
     use super::*;
     use crate::campaign::plan;
-    use crate::report::sample;
+    use crate::report::{ObservedValue, sample};
 
     /// The row of a sample run, with or without faults.
     pub(in crate::campaign) fn row(campaign: &Campaign, run: u64, faulty: bool) -> Row {
@@ -265,6 +272,14 @@ pub(super) mod tests {
             settled_after_s: Some(0.5),
             masters: vec![1, 3],
         }];
+        report.observed = [1.0, 2.0, f64::NAN]
+            .map(|value| ObservedValue {
+                at_s: value,
+                drone: 1,
+                name: "finds".to_owned(),
+                value,
+            })
+            .into();
         Row::new(campaign, run, &report)
     }
 
@@ -273,6 +288,7 @@ pub(super) mod tests {
         let campaign = plan::tests::campaign();
         for faulty in [false, true] {
             let row = row(&campaign, 7, faulty);
+            assert_eq!(row.observed, [("finds".to_owned(), 2.0)].into());
             let line = serde_json::to_string(&row).unwrap();
             assert_eq!(serde_json::from_str::<Row>(&line).unwrap(), row);
             assert!(row.belongs_to(&campaign, 7));

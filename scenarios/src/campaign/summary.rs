@@ -1,5 +1,7 @@
 //! Statistics of the runs of each combination.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::plan::Campaign;
 use super::row::{Row, or_empty, rounded};
 use super::statistics::Estimate;
@@ -138,6 +140,8 @@ pub struct Summary {
     pub elections: u64,
     /// Estimates of [`FIGURES`], over the runs that broke no rule and have the figure.
     pub estimates: Vec<Option<Estimate>>,
+    /// Estimates of the last value of each name that agents observed, over the runs that broke no rule and have it.
+    pub observed: BTreeMap<String, Estimate>,
 }
 
 /// A run that broke a rule.
@@ -180,6 +184,7 @@ pub(super) struct Tally {
     violations: u64,
     elections: u64,
     samples: [Vec<f64>; FIGURES.len()],
+    observed: BTreeMap<String, Vec<f64>>,
 }
 
 impl Tally {
@@ -194,6 +199,9 @@ impl Tally {
         }
         for (sample, figure) in self.samples.iter_mut().zip(&FIGURES) {
             sample.extend((figure.of)(row));
+        }
+        for (name, value) in &row.observed {
+            self.observed.entry(name.clone()).or_default().push(*value);
         }
     }
 
@@ -211,12 +219,21 @@ impl Tally {
             violations: self.violations,
             elections: self.elections,
             estimates: self.samples.into_iter().map(Estimate::of).collect(),
+            observed: (self.observed.into_iter())
+                .filter_map(|(name, sample)| Some((name, Estimate::of(sample)?)))
+                .collect(),
         }
     }
 }
 
-/// The header of `summary.csv`.
-pub(super) fn heading(campaign: &Campaign) -> Vec<String> {
+/// The names that agents observed, in alphabetical order.
+pub(super) fn observed(summaries: &[Summary]) -> BTreeSet<&str> {
+    let names = summaries.iter().flat_map(|it| it.observed.keys());
+    names.map(String::as_str).collect()
+}
+
+/// The header of `summary.csv`. `observed`: the names that agents observed.
+pub(super) fn heading(campaign: &Campaign, observed: &BTreeSet<&str>) -> Vec<String> {
     let mut names = vec!["combination".to_owned()];
     names.extend(
         campaign
@@ -226,7 +243,11 @@ pub(super) fn heading(campaign: &Campaign) -> Vec<String> {
     );
     let counts = ["runs", "broken", "incomplete", "violations", "elections"];
     names.extend(counts.map(str::to_owned));
-    for Figure { column, .. } in &FIGURES {
+    for column in FIGURES
+        .iter()
+        .map(|it| it.column)
+        .chain(observed.iter().copied())
+    {
         names.extend([
             format!("{column}_median"),
             format!("{column}_low"),
@@ -239,7 +260,7 @@ pub(super) fn heading(campaign: &Campaign) -> Vec<String> {
 
 impl Summary {
     /// Its fields in the order of `summary.csv`.
-    pub(super) fn record(&self) -> Vec<String> {
+    pub(super) fn record(&self, observed: &BTreeSet<&str>) -> Vec<String> {
         let mut fields = vec![self.combination.to_string()];
         fields.extend(self.values.iter().cloned());
         let counts = [
@@ -250,13 +271,14 @@ impl Summary {
             self.elections,
         ];
         fields.extend(counts.map(|count| count.to_string()));
-        for estimate in &self.estimates {
-            let interval = estimate.as_ref().and_then(|it| it.interval);
+        let figures = self.estimates.iter().map(Option::as_ref);
+        for estimate in figures.chain(observed.iter().map(|name| self.observed.get(*name))) {
+            let interval = estimate.and_then(|it| it.interval);
             fields.extend([
-                or_empty(estimate.as_ref().map(|it| rounded(it.median))),
+                or_empty(estimate.map(|it| rounded(it.median))),
                 or_empty(interval.map(|(low, _)| low)),
                 or_empty(interval.map(|(_, high)| high)),
-                or_empty(estimate.as_ref().and_then(|it| it.p99).map(rounded)),
+                or_empty(estimate.and_then(|it| it.p99).map(rounded)),
             ]);
         }
         fields
@@ -283,6 +305,8 @@ mod tests {
         let with = tally.summary(&campaign, 1);
         assert_eq!((with.runs, with.broken, with.violations), (8, 2, 4));
         assert_eq!(with.estimates, without.estimates);
+        assert_eq!(with.observed, without.observed);
+        assert!((with.observed["finds"].median - 2.0).abs() < 1e-9);
         assert_eq!(with.values, ["0", "300"]);
         assert!(
             with.estimates
@@ -294,8 +318,9 @@ mod tests {
     #[test]
     fn record_without_runs_has_one_field_per_column() {
         let campaign = plan::tests::campaign();
-        let record = Tally::default().summary(&campaign, 0).record();
-        assert_eq!(record.len(), heading(&campaign).len());
+        let observed = BTreeSet::from(["finds"]);
+        let record = Tally::default().summary(&campaign, 0).record(&observed);
+        assert_eq!(record.len(), heading(&campaign, &observed).len());
         assert!(record.iter().skip(8).all(String::is_empty), "{record:?}");
     }
 

@@ -26,6 +26,7 @@ pub fn table(published: &Published, colour: Colour) -> String {
         "\n Medians, 95 % intervals and, from 100 runs, 99th percentiles (≤), over the runs without violations.\n\n",
     );
     text.push_str(&runs(published));
+    text.push_str(&observed(published));
     text.push_str(&rules(published, colour));
     text
 }
@@ -45,6 +46,37 @@ fn runs(published: &Published) -> String {
         campaign.seeds,
         campaign.engine
     )
+}
+
+/// What agents observed: the last values of the runs, in the first combinations.
+fn observed(published: &Published) -> String {
+    let listed = published.summaries.iter().take(LISTED_MAX);
+    let lines = listed.flat_map(|summary| {
+        let varied = published.campaign.varied(summary.combination);
+        let varied: Vec<_> = varied.iter().map(ToString::to_string).collect();
+        let of = match varied.is_empty() {
+            true => String::new(),
+            false => format!(" with {}", varied.join(", ")),
+        };
+        let line = move |(name, estimate): (&String, &Estimate)| {
+            let figures = [Some(value(estimate.median)), interval_of(estimate)];
+            let figures: Vec<_> = figures.into_iter().flatten().collect();
+            format!(" value  {name}{of}: {}\n", figures.join(", "))
+        };
+        summary.observed.iter().map(line)
+    });
+    lines.collect()
+}
+
+/// What agents observed, as text.
+pub(super) fn value(value: f64) -> String {
+    figure(value, if value.fract() == 0.0 { 0 } else { 2 })
+}
+
+/// The interval of what agents observed, as text.
+pub(super) fn interval_of(estimate: &Estimate) -> Option<String> {
+    let (low, high) = estimate.interval?;
+    Some(format!("{}–{}", value(low), value(high)))
 }
 
 /// Broken rules and incomplete missions, with the commands that repeat the first broken runs.

@@ -9,8 +9,8 @@ use maud::{Markup, html};
 use super::plan::Campaign;
 use super::publish::{RUNS_CSV, RUNS_JSONL, SUMMARY_CSV};
 use super::shard::Shard;
-use super::summary::{BrokenRun, FIGURES, Summary};
-use super::table::{interval, p99};
+use super::summary::{self, BrokenRun, FIGURES, Summary};
+use super::table::{interval, interval_of, p99, value};
 use crate::report::figures::count;
 use crate::report::html::document;
 use muster_runtime::text::{NO_VALUE, figure, plural};
@@ -42,6 +42,7 @@ pub(super) fn page(campaign: &Campaign, summaries: &[Summary], broken: &[BrokenR
             p.about { "Median; below it the 95\u{a0}% interval and, from 100 runs, the 99th percentile (≤)." }
             (table(campaign, summaries))
         }
+        @if summaries.iter().any(|it| !it.observed.is_empty()) { (observed(campaign, summaries)) }
         (method())
         section {
             h2 { "Repeat the campaign" }
@@ -119,7 +120,7 @@ fn rules(summaries: &[Summary], broken: &[BrokenRun]) -> Markup {
 fn table(campaign: &Campaign, summaries: &[Summary]) -> Markup {
     html! {
         div.scroll {
-            table {
+            table.medians {
                 thead {
                     tr {
                         @for variation in &campaign.vary { th.n { (variation.key()) } }
@@ -158,6 +159,45 @@ fn row(summary: &Summary) -> Markup {
                             span.low-high { (p99(of, estimate).unwrap_or_default()) }
                         }
                         None => (NO_VALUE),
+                    }
+                }
+            }
+        }
+    }
+}
+
+/// What agents observed.
+fn observed(campaign: &Campaign, summaries: &[Summary]) -> Markup {
+    let names = summary::observed(summaries);
+    html! {
+        section {
+            h2 { "What agents observed" }
+            p.about { "The last value of each name in a run: its median, and below it the 95\u{a0}% interval." }
+            div.scroll {
+                table.observed {
+                    thead {
+                        tr {
+                            @for variation in &campaign.vary { th.n { (variation.key()) } }
+                            @for name in &names { th.n { (name) } }
+                        }
+                    }
+                    tbody {
+                        @for summary in summaries.iter().take(LISTED_MAX) {
+                            tr {
+                                @for value in &summary.values { td.n { (value) } }
+                                @for name in &names {
+                                    td.n {
+                                        @match summary.observed.get(*name) {
+                                            Some(estimate) => {
+                                                (value(estimate.median))
+                                                span.low-high { (interval_of(estimate).unwrap_or_default()) }
+                                            }
+                                            None => (NO_VALUE),
+                                        }
+                                    }
+                                }
+                            }
+                        }
                     }
                 }
             }

@@ -37,7 +37,8 @@ fn number(html: &Html, selector: &str) -> usize {
 #[test]
 fn every_combination_has_a_row_and_a_median_in_every_plot() {
     let html = parsed(&plan::tests::campaign(), 0);
-    assert_eq!(number(&html, "tbody tr"), 6);
+    assert_eq!(number(&html, "table.medians tbody tr"), 6);
+    assert_eq!(number(&html, "table.observed tbody tr"), 6);
     assert_eq!(number(&html, ".plots svg"), FIGURES.len());
     assert_eq!(number(&html, ".median"), 6 * FIGURES.len());
     assert_eq!(number(&html, ".interval"), 6 * FIGURES.len());
@@ -129,6 +130,6 @@ fn too_many_combinations_are_listed_but_not_plotted() {
             .unwrap(),
     ];
     let html = parsed(&campaign, 0);
-    assert_eq!(number(&html, "tbody tr"), 201);
+    assert_eq!(number(&html, "table.medians tbody tr"), 201);
     assert_eq!(number(&html, "svg"), 0);
 }
