@@ -207,8 +207,8 @@ mod tests {
         load(&path, &changes).unwrap()
     }
 
-    /// The report and flight of a simulation, and those of a twin that receives the simulated drones' reports with this delay. The twin
-    /// injects `faults` instead of the scenario's.
+    /// The report and flight of a simulation, and those of a twin that receives the simulated drones' reports with this delay.
+    /// The twin injects `faults` instead of the scenario's.
     fn both(scenario: &Scenario, delay: Duration, faults: &[Fault]) -> [(Report, Flight); 2] {
         let mut world = engine::flown(scenario);
         let mut reports = std::mem::take(&mut world.reports);

@@ -8,8 +8,8 @@ use super::{Failure, Outcome, terminal};
 
 /// Create the keys of a fleet and its drones, and revoke drones.
 ///
-/// The fleet's secret key signs the roster (which drone has which key), the revocation list, grants and releases. Keep its folder off
-/// the drones. A drone needs fleet.pub, roster.toml, revoked.toml and its own drone-ID.key. Existing keys are never
+/// The fleet's secret key signs the roster (which drone has which key), the revocation list, grants and releases. Keep its
+/// folder off the drones. A drone needs fleet.pub, roster.toml, revoked.toml and its own drone-ID.key. Existing keys are never
 /// overwritten.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:

@@ -1,8 +1,8 @@
 //! Cards: a stock Raspberry Pi OS Lite, whose partitions are mounted, is made to start without a screen and to be reached over ssh
 //! in the drones' own radio network.
 //!
-//! All files are read, and what they shall say is decided, before the first is written. Each is replaced whole, and if one can't be,
-//! those before it are put back.
+//! All files are read, and what they shall say is decided, before the first is written. Each is replaced whole, and if one
+//! can't be, those before it are put back.
 
 mod edit;
 mod settings;

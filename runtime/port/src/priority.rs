@@ -8,7 +8,8 @@ use thread_priority::{
 /// Priority under SCHED_FIFO, on the scale of 0 to 99 of the thread-priority crate: below the kernel's interrupt threads (50).
 const PRIORITY: u8 = 40;
 
-/// Asks the system for real time (SCHED_FIFO) for this thread; it takes `CAP_SYS_NICE` or an `rtprio` limit. Returns whether it was granted.
+/// Asks the system for real time (SCHED_FIFO) for this thread; it takes `CAP_SYS_NICE` or an `rtprio` limit. Returns whether it
+/// was granted.
 #[must_use]
 pub fn raise_priority() -> bool {
     let Ok(priority) = ThreadPriorityValue::try_from(PRIORITY) else {

@@ -48,8 +48,8 @@ pub const HEIGHT_MAX_M: f64 = 1_000.0;
 /// A mission: home, and a route in the local frame about it.
 ///
 /// The first point is above home, at the take-off height; it may be the only one. Consecutive points differ. Each point is
-/// within [`HOME_DISTANCE_MAX_M`](muster_machines::geodetic::HOME_DISTANCE_MAX_M) of home, and above it by at most [`HEIGHT_MAX_M`].
-/// There are at most [`WAYPOINTS_MAX`] points.
+/// within [`HOME_DISTANCE_MAX_M`](muster_machines::geodetic::HOME_DISTANCE_MAX_M) of home, and above it by at most
+/// [`HEIGHT_MAX_M`]. There are at most [`WAYPOINTS_MAX`] points.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Mission {
     home: Geodetic,

@@ -65,8 +65,8 @@ impl Airframe {
     ///
     /// Mass, inertia, rotor positions, thrust, torque and lag: Agilicious (Foehn et al., Science Robotics 7(67), 2022), as
     /// RotorPy lists them. Rotor drag: 0.544 and 0.386 N/(m/s)/kg at hover (Faessler, Franchi and Scaramuzza, RA-L 3(2),
-    /// 2018); along the axis, thrust ends at 1.2 times the pitch speed of a propeller with 4.3 inches of pitch. Assumed: drag of the
-    /// frame (RotorPy's figures, which it doesn't source), a 2,400 kV motor, a battery of 1,800 mAh with 3 mΩ a cell, a
+    /// 2018); along the axis, thrust ends at 1.2 times the pitch speed of a propeller with 4.3 inches of pitch. Assumed: drag
+    /// of the frame (RotorPy's figures, which it doesn't source), a 2,400 kV motor, a battery of 1,800 mAh with 3 mΩ a cell, a
     /// propeller of 4.5 g as a rod and a bell of 15 g with a radius of 12.5 mm as a ring.
     #[must_use]
     pub fn agilicious() -> Self {

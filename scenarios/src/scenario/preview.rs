@@ -22,7 +22,8 @@ use muster_runtime::text::{drones, figure, plural};
 const DIAMETER_NODES_MAX: u32 = 1_000;
 
 impl Scenario {
-    /// Separation, time to re-elect, bound of the run, holds, altitude layers, waves, fence and drones out of reach: one line each.
+    /// Separation, time to re-elect, bound of the run, holds, altitude layers, waves, fence and drones out of reach: one line
+    /// each.
     #[must_use]
     pub fn preview(&self) -> Vec<String> {
         let connected = self.connected();

@@ -8,9 +8,9 @@ use crate::command::{Failure, Outcome, terminal};
 
 /// Prepare a stock Raspberry Pi OS Lite card, so that it starts without a screen and is reached over ssh.
 ///
-/// Write the image to a card, mount its two partitions, and name their folders. The default user becomes yours, without a password;
-/// your public keys let you in. The radio is in an ad hoc network with a fixed channel and rate and without power saving. The
-/// serial port at the pins is free for a flight controller. Nothing is changed if something can't be.
+/// Write the image to a card, mount its two partitions, and name their folders. The default user becomes yours, without a
+/// password; your public keys let you in. The radio is in an ad hoc network with a fixed channel and rate and without power
+/// saving. The serial port at the pins is free for a flight controller. Nothing is changed if something can't be.
 #[derive(Debug, Args)]
 pub(super) struct Arguments {
     /// Folder of the card's boot partition.

@@ -1,5 +1,5 @@
-//! Cost of a step of the particle filter: `cargo bench -p muster-indoor --bench localisation`. Beside it the same step in numpy, if Python has
-//! it.
+//! Cost of a step of the particle filter: `cargo bench -p muster-indoor --bench localisation`. Beside it the same step in
+//! numpy, if Python has it.
 //!
 //! A step moves, weighs and draws all particles. The number of particles is fixed. The map is as large as a floor of a
 //! university: 75 m × 31 m at 6 cm, with rooms of 5 m × 4 m.

@@ -51,7 +51,8 @@ pub enum Found {
 }
 
 impl Search {
-    /// A search from the centre of one cell to that of another of a floor. Either may be a cell where the drone can't be; then there is no path.
+    /// A search from the centre of one cell to that of another of a floor. Either may be a cell where the drone can't be; then
+    /// there is no path.
     #[must_use]
     pub fn new(floor: &Floor, start: Cell, goal: Cell) -> Self {
         let map = floor.map();

@@ -86,7 +86,8 @@ pub(super) struct Route {
     obstacles: Obstacles,
     /// When the last obstacle was added.
     blocked_at: Timestamp,
-    /// The least distance to the stop, and when it was reached; a drone that is pushed off its path and plans anew has come no nearer.
+    /// The least distance to the stop, and when it was reached; a drone that is pushed off its path and plans anew has come no
+    /// nearer.
     nearest: (f64, Timestamp),
     heading_rad: f64,
     blocked_now: bool,

@@ -214,8 +214,8 @@ impl ControllerLink {
         self.step(now);
     }
 
-    /// Goes on with what was flown before a restart, once the controller is known. An aircraft that was brought down meanwhile stays
-    /// there: it gets no RC until it has disarmed.
+    /// Goes on with what was flown before a restart, once the controller is known. An aircraft that was brought down meanwhile
+    /// stays there: it gets no RC until it has disarmed.
     fn take_up(&mut self, now: Timestamp) {
         if self.reports.current().is_some()
             && self.loops.take_up(now, self.is_armed())

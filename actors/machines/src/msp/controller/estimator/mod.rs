@@ -1,8 +1,8 @@
 //! Position and velocity from the controller's telemetry: a Kalman filter of two states for each axis.
 //!
 //! Attitude predicts, GPS and barometer correct. A measurement too far from the prediction is rejected; if all are for a
-//! while, or some in a row agree with each other, the filter begins anew from the next one. Source of the filter: Bar-Shalom, Li, Kirubarajan, *Estimation with
-//! Applications to Tracking and Navigation*, sections 5.2 and 6.3 (white noise acceleration).
+//! while, or some in a row agree with each other, the filter begins anew from the next one. Source of the filter: Bar-Shalom,
+//! Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*, sections 5.2 and 6.3 (white noise acceleration).
 
 mod axis;
 mod doubt;
@@ -291,8 +291,8 @@ impl Estimator {
         }
     }
 
-    /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses tell the height it only notes how far its own is off, to
-    /// count on from there.
+    /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses tell the height it
+    /// only notes how far its own is off, to count on from there.
     pub(super) fn measure_altitude(&mut self, now: Timestamp, altitude: &Altitude) {
         let height_m = f64::from(altitude.altitude_cm) / 100.0;
         let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
