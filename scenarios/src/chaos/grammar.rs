@@ -1,7 +1,7 @@
 //! Random fault plans.
 //!
 //! All kinds of faults that the vehicles can have are equally likely. A fault is injected at a time, at a waypoint or on a
-//! trigger. It on_drone the master, any drone, or several drones at once; once or repeatedly; for a limited time or for good.
+//! trigger. It hits the master, any drone, or several drones at once; once or repeatedly; for a limited time or for good.
 //! Link faults affect the links between two drones or between two groups of drones.
 
 use std::sync::Arc;
