@@ -4,29 +4,29 @@
 //! while, or some in a row agree with each other, the filter begins anew from the next one. Source of the filter: Bar-Shalom,
 //! Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*, sections 5.2 and 6.3 (white noise acceleration).
 
+mod attitude;
 mod axis;
 mod doubt;
+mod height;
 mod past;
 #[cfg(test)]
 mod tests;
 
-use std::f64::consts::TAU;
 use std::time::Duration;
 
 use muster_msp::{Altitude, Attitude, RawGps};
 
+use self::attitude::Attitudes;
+pub(super) use self::attitude::Tilt;
 use self::axis::{Axis, correct};
 use self::doubt::Doubt;
+use self::height::Height;
 use self::past::Past;
 use super::Pose;
 use super::config::{Config, Noise};
 use crate::geodetic::{Geodetic, local_ned};
 use crate::geometry::{Ned, Velocity};
 use crate::time::Timestamp;
-
-/// Age of the newest height from which on it is predicted by what the sticks ask for, and a landing goes on slowly: four did not
-/// come.
-const BLIND_AFTER: Duration = Duration::from_millis(400);
 
 /// Standard gravity, in m/s².
 pub(super) const GRAVITY_MPS2: f64 = 9.806_65;
@@ -38,56 +38,10 @@ const SATELLITES_MIN: u8 = 8;
 const SIGMA_MIN_M: f64 = 0.001;
 /// Age of a measurement up to which it is compared with where the vehicle was; an older one is rejected.
 const AGE_MAX: Duration = Duration::from_millis(500);
-/// Fastest turn about any axis that is believed at once, in rad/s: 400 °/s. Betaflight leans with less in the mode ANGLE.
-const TURN_MAX_RADPS: f64 = 6.98;
-/// Largest tilt that accelerates as it says, in radians: beyond 60°, Betaflight's `angle_limit`, height is not held.
-const LEAN_MAX_RAD: f64 = 1.047;
 /// Noise of the acceleration of a vehicle whose motors are off, in m/s² per √Hz. One that is carried begins anew.
 const STANDING_MPS2: f64 = 0.02;
-/// From one attitude to the next; they may arrive together.
-const ATTITUDE_PERIOD: Duration = Duration::from_millis(80);
-/// Greatest height above or below where the controller counts from, in metres. No copter has been higher above the sea.
-const HEIGHT_MAX_M: f64 = 9_000.0;
-/// Fastest climb or descent, in m/s: twice a racing copter's. Ours.
-const CLIMB_MAX_MPS: f64 = 100.0;
 /// Longest prediction in one step, in seconds: beyond it the attitude is stale.
 const STEP_MAX_S: f64 = 0.5;
-
-/// An attitude, in radians: roll to the right, nose down, clockwise from north.
-#[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Tilt {
-    pub(super) roll_rad: f64,
-    pub(super) nose_down_rad: f64,
-    pub(super) yaw_rad: f64,
-}
-
-impl Tilt {
-    /// Cosine of the angle between the thrust and the vertical.
-    pub(super) fn vertical_share(self) -> f64 {
-        libm::cos(self.roll_rad) * libm::cos(self.nose_down_rad)
-    }
-
-    /// The largest angle about one axis to another attitude, in radians.
-    fn turn_rad(self, other: Self) -> f64 {
-        let about = |from: f64, to: f64| {
-            let angle = (to - from).abs() % TAU;
-            angle.min(TAU - angle)
-        };
-        about(self.roll_rad, other.roll_rad)
-            .max(about(self.nose_down_rad, other.nose_down_rad))
-            .max(about(self.yaw_rad, other.yaw_rad))
-    }
-
-    /// Acceleration north and east of a vehicle that holds its height, in m/s².
-    fn acceleration_mps2(self) -> [f64; 2] {
-        let (sin, cos) = (libm::sin(self.yaw_rad), libm::cos(self.yaw_rad));
-        let limited = |it: f64| it.clamp(-LEAN_MAX_RAD, LEAN_MAX_RAD);
-        let (nose_down_rad, roll_rad) = (limited(self.nose_down_rad), limited(self.roll_rad));
-        let ahead = GRAVITY_MPS2 * libm::tan(nose_down_rad);
-        let right = GRAVITY_MPS2 * libm::tan(roll_rad) / libm::cos(nose_down_rad);
-        [ahead * cos - right * sin, ahead * sin + right * cos]
-    }
-}
 
 /// What is known of a vehicle's motion, in its drone's local frame.
 #[derive(Debug, Clone, Copy)]
@@ -105,31 +59,16 @@ pub(super) struct Estimator {
     at: Timestamp,
     /// Whether it stands still.
     stands: bool,
-    /// The newest attitude that is believed.
-    tilt: Option<(Timestamp, Tilt)>,
-    /// One that came too suddenly. The next one confirms it, or is believed itself.
-    doubted_tilt: Option<(Timestamp, Tilt)>,
+    attitudes: Attitudes,
+    height: Height,
     /// North and east.
     horizontal: Option<[Axis; 2]>,
-    /// Up, from where the barometer counts.
-    vertical: Option<Axis>,
     past: Past,
-    /// Poses that agree with each other, but not with the estimate; so of fixes and the controller's heights.
+    /// Poses that agree with each other, but not with the estimate; so of fixes.
     doubted_pose: Option<Doubt<3>>,
     doubted_fix: Option<Doubt<2>>,
-    doubted_height: Option<Doubt<1>>,
-    /// The barometer's altitude on the ground, in metres.
-    ground_m: Option<f64>,
     /// The newest accepted position.
     fixed_at: Timestamp,
-    /// The newest accepted height.
-    height_at: Timestamp,
-    /// The newest accepted height of a pose.
-    posed_at: Option<Timestamp>,
-    /// What the newest sticks ask for, upwards, in m/s².
-    expected_up_mps2: f64,
-    /// What is added to the controller's own height, in metres.
-    offset_m: f64,
 }
 
 impl Estimator {
@@ -141,43 +80,33 @@ impl Estimator {
             drag_per_s: config.gains.drag_per_s,
             at: now,
             stands: false,
-            tilt: None,
-            doubted_tilt: None,
+            attitudes: Attitudes::default(),
+            height: Height::new(now, ground_m),
             horizontal: None,
-            vertical: None,
             past: Past::default(),
             doubted_pose: None,
             doubted_fix: None,
-            doubted_height: None,
-            ground_m,
             fixed_at: now,
-            height_at: now,
-            posed_at: None,
-            expected_up_mps2: 0.0,
-            offset_m: 0.0,
         }
     }
 
     /// The newest attitude; level before the first.
     pub(super) fn tilt(&self) -> Tilt {
-        self.tilt.map(|(_, tilt)| tilt).unwrap_or_default()
+        self.attitudes.tilt()
     }
 
     pub(super) const fn ground_m(&self) -> Option<f64> {
-        self.ground_m
+        self.height.ground_m()
     }
 
     /// The present height becomes height zero, unless it is known from before.
     pub(super) fn set_ground(&mut self) {
-        let here = self.vertical.map(|it| it.position_m);
-        self.ground_m = self.ground_m.or(here);
+        self.height.set_ground();
     }
 
     /// Height zero becomes where it was armed, from where Betaflight counts, unless the ground is known.
-    pub(super) const fn set_ground_where_armed(&mut self) {
-        if self.ground_m.is_none() {
-            self.ground_m = Some(0.0);
-        }
+    pub(super) fn set_ground_where_armed(&mut self) {
+        self.height.set_ground_where_armed();
     }
 
     /// Whether its motors are off: then it stands still. It flies until it is told.
@@ -187,18 +116,14 @@ impl Estimator {
 
     /// Forgets the barometer's height: Betaflight counts it from where it was armed.
     pub(super) const fn forget_height(&mut self) {
-        if self.posed_at.is_none() {
-            self.vertical = None;
-            self.ground_m = None;
-            self.offset_m = 0.0;
-        }
+        self.height.forget();
     }
 
     /// The motion now. `None` before the first height. Before the first position it is home's.
     pub(super) fn estimate(&self) -> Option<Estimate> {
-        let up = self.vertical?;
+        let up = self.height.axis?;
         let [north, east] = self.horizontal.unwrap_or([Axis::at(0.0, 1.0); 2]);
-        let ground_m = self.ground_m.unwrap_or(up.position_m);
+        let ground_m = self.height.ground_m().unwrap_or(up.position_m);
         Some(Estimate {
             position: Ned::new(north.position_m, east.position_m, ground_m - up.position_m),
             velocity: Velocity::new(north.velocity_mps, east.velocity_mps, -up.velocity_mps),
@@ -213,20 +138,17 @@ impl Estimator {
 
     /// Age of the newest height.
     pub(super) fn height_age(&self, now: Timestamp) -> Duration {
-        now.since(
-            self.posed_at
-                .map_or(self.height_at, |at| at.max(self.height_at)),
-        )
+        self.height.age(now)
     }
 
     /// Whether so many heights did not come that the height is only predicted.
     pub(super) fn is_blind(&self, now: Timestamp) -> bool {
-        self.height_age(now) > BLIND_AFTER
+        self.height.is_blind(now)
     }
 
     /// The acceleration upwards that the newest sticks ask for, in m/s². It counts while the height is only predicted.
     pub(super) const fn expect_up(&mut self, up_mps2: f64) {
-        self.expected_up_mps2 = up_mps2;
+        self.height.expect_up(up_mps2);
     }
 
     /// Predicts the motion at `now`.
@@ -248,15 +170,9 @@ impl Estimator {
             let by = by - self.drag_per_s * axis.velocity_mps;
             axis.predict(seconds, by, noise_mps2);
         }
-        let up_mps2 = match self.is_blind(now) && !self.stands {
-            true => self.expected_up_mps2,
-            false => 0.0,
-        };
-        if let Some(axis) = &mut self.vertical {
-            axis.predict(seconds, up_mps2, vertical_noise_mps2);
-        }
+        (self.height).predict(now, seconds, self.stands, vertical_noise_mps2);
         if let Some([north, east]) = self.horizontal {
-            let up_m = self.vertical.map_or(0.0, |it| it.position_m);
+            let up_m = self.height.axis.map_or(0.0, |it| it.position_m);
             self.past
                 .note(now, [north.position_m, east.position_m, up_m]);
         }
@@ -264,64 +180,13 @@ impl Estimator {
 
     /// Takes in an attitude. One that no vehicle can have, or can't have turned to, is rejected.
     pub(super) fn measure_attitude(&mut self, now: Timestamp, attitude: &Attitude) {
-        let Attitude {
-            roll_ddeg,
-            pitch_ddeg,
-            yaw_deg,
-        } = *attitude;
-        if !(-1_800..=1_800).contains(&roll_ddeg)
-            || !(-900..=900).contains(&pitch_ddeg)
-            || !(-360..=360).contains(&yaw_deg)
-        {
-            return;
-        }
-        let tilt = Tilt {
-            roll_rad: (f64::from(roll_ddeg) / 10.0).to_radians(),
-            nose_down_rad: (f64::from(pitch_ddeg) / 10.0).to_radians(),
-            yaw_rad: f64::from(yaw_deg).to_radians(),
-        };
-        let is_near = |(at, before): (Timestamp, Tilt)| {
-            let seconds = now.since(at).max(ATTITUDE_PERIOD).as_secs_f64();
-            tilt.turn_rad(before) <= TURN_MAX_RADPS * seconds
-        };
-        let is_believed = self.tilt.is_none_or(is_near) || self.doubted_tilt.is_some_and(is_near);
-        self.doubted_tilt = (!is_believed).then_some((now, tilt));
-        if is_believed {
-            self.tilt = Some((now, tilt));
-        }
+        self.attitudes.measure(now, attitude);
     }
 
     /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses tell the height it
     /// only notes how far its own is off, to count on from there.
     pub(super) fn measure_altitude(&mut self, now: Timestamp, altitude: &Altitude) {
-        let height_m = f64::from(altitude.altitude_cm) / 100.0;
-        let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
-        if height_m.abs() > HEIGHT_MAX_M || climb_mps.abs() > CLIMB_MAX_MPS {
-            return;
-        }
-        if self.is_posed(now) {
-            let here_m = self.vertical.map_or(height_m, |it| it.position_m);
-            self.offset_m = here_m - height_m;
-            return;
-        }
-        let height_m = height_m + self.offset_m;
-        let sigma_m = self.noise.height_m;
-        let axis = match &mut self.vertical {
-            Some(axis) => axis,
-            none => none.insert(Axis::at(height_m, sigma_m * sigma_m)),
-        };
-        if axis.measure_position(height_m, sigma_m) {
-            axis.measure_velocity(climb_mps, self.noise.climb_mps);
-            self.doubted_height = None;
-        } else {
-            let error = (sigma_m, Duration::ZERO);
-            let Some([begun]) = doubt::begin(&mut self.doubted_height, now, [height_m], error)
-            else {
-                return;
-            };
-            *axis = begun;
-        }
-        self.height_at = now;
+        self.height.measure(now, altitude, &self.noise);
     }
 
     /// Takes in a fix. One without enough satellites, off the Earth or far from home is rejected.
@@ -354,18 +219,18 @@ impl Estimator {
         if !is_finite || sigma_m < SIGMA_MIN_M || age > AGE_MAX {
             return;
         }
-        let ground_m = *self.ground_m.get_or_insert(0.0);
-        let up_m = position.altitude_m() + ground_m;
+        let up_m = position.altitude_m() + self.height.set_ground_where_armed();
         let place = [position.north_m(), position.east_m(), up_m];
         let past = self.past.before(now, age);
-        let is_known = self.is_posed(now) && self.lost_for(now).is_none();
+        let is_known = self.height.is_posed(now) && self.lost_for(now).is_none();
         if let (Some([north, east]), Some(up), Some(past), true) =
-            (&mut self.horizontal, &mut self.vertical, past, is_known)
+            (&mut self.horizontal, &mut self.height.axis, past, is_known)
         {
             let innovations = std::array::from_fn(|axis| place[axis] - past[axis]);
             if let Some(by_m) = correct([north, east, up], innovations, sigma_m) {
                 self.past.shift(&by_m);
-                (self.fixed_at, self.posed_at) = (now, Some(now));
+                self.fixed_at = now;
+                self.height.pose(now);
                 self.doubted_pose = None;
                 return;
             }
@@ -377,15 +242,10 @@ impl Estimator {
 
     /// Begins anew where poses say: north, east and up.
     fn begin(&mut self, now: Timestamp, [north, east, up]: [Axis; 3]) {
-        (self.horizontal, self.vertical) = (Some([north, east]), Some(up));
+        self.horizontal = Some([north, east]);
+        self.height.begin(now, up);
         self.past = Past::default();
-        (self.fixed_at, self.posed_at) = (now, Some(now));
-    }
-
-    /// Whether poses tell the height.
-    fn is_posed(&self, now: Timestamp) -> bool {
-        let since = self.posed_at.map(|at| now.since(at));
-        since.is_some_and(|since| since <= LOST_AFTER)
+        self.fixed_at = now;
     }
 
     /// Takes in a fix's place, north and east. Returns whether it was near enough.

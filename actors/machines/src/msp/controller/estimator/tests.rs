@@ -1,3 +1,5 @@
+use std::f64::consts::TAU;
+
 use super::*;
 
 const NOISE: Noise = Noise::GPS;
