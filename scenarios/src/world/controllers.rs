@@ -4,21 +4,18 @@ use std::time::Duration;
 
 use muster_controller::{Contact, Controller, Fault, PoseSensor, Sticks, Truth};
 use muster_machines::identity::NodeId;
-use muster_machines::msp::controller::{
-    ACKNOWLEDGED_MIN, HEIGHT_LOST_AFTER, LOST_AFTER, Receiver, Stage, UNTOLD_AFTER,
-};
-use muster_machines::msp::{Introduction, PortEvent};
+use muster_machines::msp::PortEvent;
+use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
-use muster_msp::{
-    Conversation, Decoder, Direction, Frame, Identity, Message, SetRawRc, Telemetry as Told, Write,
-};
+use muster_msp::SetRawRc;
 use muster_runtime::vehicle::VehicleKind;
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
 use super::faulty::FaultyController;
 use super::pilot::Pilot;
-use crate::checkers::{ArmSwitch, RC_GAP_MAX, RcGaps, Violation, Wrecks};
+use super::port::{Port, PortFigures, PortState};
+use crate::checkers::{Violation, Wrecks};
 use crate::controllers::{config, pose_errors};
 use crate::report::ControlSeries;
 use crate::scenario::{ControllerFault, Scenario};
@@ -30,63 +27,14 @@ pub const LOOK_EVERY: Duration = Duration::from_millis(100);
 #[derive(Debug)]
 struct Attached {
     faulty: FaultyController,
-    conversation: Conversation,
-    decoder: Decoder,
-    introduction: Introduction,
+    port: Port,
     /// `None` without a pilot's receiver.
     pilot: Option<Pilot>,
     /// Measures where the aircraft is. `None` if GPS does.
     pose: Option<PoseSensor>,
-    is_open: bool,
-    is_identified: bool,
-    /// The newest answer of an armed controller.
-    heard_at: Timestamp,
-    /// The newest that was not too late to be used.
-    told_at: Timestamp,
-    /// The newest height, by the controller or a pose.
-    height_at: Timestamp,
-    /// The drone's process must stop RC until the controller disarms: its failsafe flies, no answer or no height came for
-    /// too long, or too few RC frames were acknowledged.
-    is_lost: bool,
     looked_at: Option<Timestamp>,
-    was_armed: bool,
     wreck: Wrecks,
-    gaps: RcGaps,
-    arm_switch: ArmSwitch,
-    figures: PortFigures,
     series: ControlSeries,
-}
-
-/// What a port has counted since the start of the run.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub(crate) struct PortFigures {
-    /// How often it was opened.
-    pub(crate) opened: u64,
-    /// Frames read.
-    pub(crate) frames: u64,
-    /// Bad frames read.
-    pub(crate) bad_frames: u64,
-    /// Bytes read that belong to no frame.
-    pub(crate) noise_bytes: u64,
-    /// Questions without an answer.
-    pub(crate) questions_lost: u64,
-    /// RC frames written.
-    pub(crate) rc_sent: u64,
-    /// RC frames that the controller acknowledged.
-    pub(crate) rc_acknowledged: u64,
-    /// Longest time between two RC frames that were due.
-    pub(crate) rc_gap_max: Duration,
-}
-
-/// What the port of a drone's process does in a tick.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum PortState {
-    /// The process runs.
-    Runs,
-    /// The process runs, but its link to the controller hangs or has failed for good: no new RC frames come.
-    WithoutLink,
-    /// The process has ended or hangs.
-    Still,
 }
 
 /// All controllers, by the numbers of their drones. Empty without any.
@@ -115,25 +63,10 @@ impl Controllers {
                         lines.next_u64(),
                     ),
                     pose: pose.map(|errors| PoseSensor::new(errors, seed, Timestamp::ZERO)),
-                    conversation: Conversation::default(),
-                    decoder: Decoder::default(),
-                    introduction: Introduction::default(),
+                    port: Port::new(),
                     pilot: (plan.receiver == Receiver::Override).then(Pilot::default),
-                    is_open: true,
-                    is_identified: false,
-                    heard_at: Timestamp::ZERO,
-                    told_at: Timestamp::ZERO,
-                    height_at: Timestamp::ZERO,
-                    is_lost: false,
                     looked_at: None,
-                    was_armed: false,
                     wreck: Wrecks::default(),
-                    gaps: RcGaps::default(),
-                    arm_switch: ArmSwitch::default(),
-                    figures: PortFigures {
-                        opened: 1,
-                        ..PortFigures::default()
-                    },
                     series: ControlSeries::default(),
                 }
             }));
@@ -169,21 +102,14 @@ impl Controllers {
     /// A drone's link gives its newest RC frame; `None` stops RC.
     pub(crate) fn set_rc(&mut self, now: Timestamp, drone: NodeId, rc: Option<SetRawRc>) {
         if let Some(attached) = self.get(drone) {
-            match rc {
-                Some(rc) => attached.conversation.set_channels(elapsed(now), rc),
-                None => attached.conversation.release(),
-            }
+            attached.port.set_rc(now, rc);
         }
     }
 
     /// A drone's process has ended, and its port with it.
     pub(super) fn close(&mut self, now: Timestamp, drone: NodeId) {
         if let Some(attached) = self.get(drone) {
-            attached.figures.questions_lost += attached.conversation.lost();
-            attached.conversation = Conversation::new(elapsed(now));
-            attached.introduction = Introduction::default();
-            attached.is_identified = false;
-            attached.heard_at = now;
+            attached.port.end(now);
         }
     }
 
@@ -194,7 +120,7 @@ impl Controllers {
         drone: NodeId,
     ) -> impl Iterator<Item = PortEvent> + use<> {
         let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
-        let events = attached.map(|it| it.introduction.events(now));
+        let events = attached.map(|it| it.port.introduction(now));
         events.into_iter().flatten()
     }
 
@@ -253,20 +179,15 @@ impl Controllers {
         tell: impl FnMut(PortEvent),
     ) -> Option<(Truth, Timestamp)> {
         let attached = self.get(drone)?;
-        // The link's timer ends before it is told what arrives now.
-        attached.is_lost |= attached.was_armed && attached.is_silent(now);
+        attached.port.loss.begin(now);
         let truth = attached.exchange(now, state, tell);
-        attached.look_for_loss(now, &truth);
+        let is_news = truth.is_armed != attached.port.loss.was_armed;
+        attached.port.look(now, &truth, state);
         attached.wreck.look(truth.contact == Contact::Wreck);
-        let is_open = attached.is_identified && state == PortState::Runs;
-        let rc_is_due = truth.is_armed && is_open && !attached.is_lost;
-        attached.gaps.look(now, rc_is_due);
         attached.fly_by_hand(now, &truth);
         let is_due = attached
             .looked_at
             .is_none_or(|at| now.since(at) >= LOOK_EVERY);
-        let is_news = truth.is_armed != attached.was_armed;
-        attached.was_armed = truth.is_armed;
         if is_news || truth.is_armed && is_due {
             attached.looked_at = Some(now);
             let sticks = attached.faulty.controller.take_sticks(now);
@@ -298,23 +219,14 @@ impl Controllers {
     /// Whether a drone's controller has waited for RC for too long or was armed too early, or its aircraft has broken.
     pub(crate) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
         let attached = self.0.get(drone.0 as usize)?.as_ref()?;
-        (attached.arm_switch.check(now, drone))
-            .or_else(|| attached.gaps.check(now, drone))
-            .or_else(|| attached.wreck.check(now, drone))
+        let port = attached.port.check(now, drone);
+        port.or_else(|| attached.wreck.check(now, drone))
     }
 
     /// What the port of a drone's flight controller has counted; `None` without one.
     pub(super) fn figures(&self, drone: NodeId) -> Option<PortFigures> {
         let attached = self.0.get(drone.0 as usize)?.as_ref()?;
-        let counts = attached.decoder.counts();
-        Some(PortFigures {
-            frames: counts.frames,
-            bad_frames: counts.bad(),
-            noise_bytes: counts.noise_bytes,
-            questions_lost: attached.figures.questions_lost + attached.conversation.lost(),
-            rc_gap_max: attached.gaps.longest(),
-            ..attached.figures
-        })
+        Some(attached.port.figures())
     }
 }
 
@@ -331,16 +243,8 @@ impl Attached {
         let received = self.faulty.line.carry_in(now, sent);
         let mut written = Vec::new();
         if state != PortState::Still {
-            let mut events = Vec::new();
-            self.open_or_close(now, &mut events);
-            if self.is_open {
-                self.read(now, &received, &mut events);
-                self.write(now, &mut written);
-            }
-            for event in events {
-                self.introduction.take(now, &event);
-                tell(event);
-            }
+            let is_open = !self.faulty.is_closed(now);
+            written = self.port.tick(now, is_open, &received, &mut tell);
             self.measure_pose(now, &mut tell);
         }
         let arrived = self.faulty.line.carry_out(now, written);
@@ -355,7 +259,7 @@ impl Attached {
             let position = self.faulty.controller.aircraft(now).position;
             sensor.measure(now, position);
             while let Some(pose) = sensor.arrived(now) {
-                self.height_at = now;
+                self.port.loss.height_at = now;
                 tell(PortEvent::Pose(pose));
             }
         }
@@ -368,94 +272,6 @@ impl Attached {
             self.faulty.controller.pilot(now, Some(&channels));
         }
     }
-
-    fn look_for_loss(&mut self, now: Timestamp, truth: &Truth) {
-        if !truth.is_armed {
-            (self.heard_at, self.told_at, self.height_at) = (now, now, now);
-            self.is_lost = false;
-        }
-        self.is_lost |= truth.is_failsafe || self.is_silent(now);
-    }
-
-    fn is_silent(&self, now: Timestamp) -> bool {
-        // Of the heights that came, the link may have doubted the newest.
-        now.since(self.heard_at) >= LOST_AFTER
-            || now.since(self.told_at) >= UNTOLD_AFTER
-            || now.since(self.height_at) >= HEIGHT_LOST_AFTER - RC_GAP_MAX
-    }
-
-    /// Notices that the port is closed, or opens it again.
-    fn open_or_close(&mut self, now: Timestamp, events: &mut Vec<PortEvent>) {
-        let is_open = !self.faulty.is_closed(now);
-        if is_open == self.is_open {
-            return;
-        }
-        self.is_open = is_open;
-        self.is_identified = false;
-        self.figures.opened += u64::from(is_open);
-        self.figures.questions_lost += self.conversation.lost();
-        self.conversation = Conversation::new(elapsed(now));
-        if !is_open {
-            events.push(PortEvent::Closed);
-        }
-    }
-
-    fn read(&mut self, now: Timestamp, received: &[u8], events: &mut Vec<PortEvent>) {
-        let (conversation, figures) = (&mut self.conversation, &mut self.figures);
-        let mut take = |frame: Frame<'_>| {
-            let is_rc = frame.command == SetRawRc::COMMAND && frame.direction == Direction::Reply;
-            if is_rc {
-                figures.rc_acknowledged += 1;
-                conversation.acknowledged();
-            } else if let Some(Ok(Some(telemetry))) =
-                conversation.take(elapsed(now), &frame).map(|it| it.told)
-            {
-                self.heard_at = now;
-                if telemetry != Told::Late {
-                    self.told_at = now;
-                }
-                if let Told::Altitude(_) = telemetry {
-                    self.height_at = now;
-                }
-                events.push(PortEvent::Told(telemetry));
-            }
-        };
-        self.decoder.read(received, &mut take);
-        self.decoder.expire(elapsed(now), &mut take);
-        if let Some(told) = conversation.count_acknowledged() {
-            if let Told::Acknowledged(count) = told {
-                self.is_lost |= self.was_armed && count < ACKNOWLEDGED_MIN;
-            }
-            events.push(PortEvent::Told(told));
-        }
-        if !self.is_identified
-            && let Some(identity) = self.conversation.identity()
-        {
-            self.is_identified = true;
-            events.push(PortEvent::Identified {
-                identity: Box::new(identity.clone()),
-                granted: Stage::Bench,
-            });
-        }
-    }
-
-    fn write(&mut self, now: Timestamp, bytes: &mut Vec<u8>) {
-        let Some(write) = self.conversation.tick(elapsed(now)) else {
-            return;
-        };
-        if let Write::Rc(rc) = &write {
-            let identity = self.conversation.identity();
-            self.arm_switch
-                .sent(rc, identity.is_some_and(Identity::is_simulation));
-            self.gaps.sent(now);
-            self.figures.rc_sent += 1;
-        }
-        write.encode(bytes);
-    }
-}
-
-fn elapsed(now: Timestamp) -> Duration {
-    now.since(Timestamp::ZERO)
 }
 
 #[cfg(test)]

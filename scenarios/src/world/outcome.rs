@@ -7,8 +7,8 @@ use muster_machines::time::Timestamp;
 use muster_runtime::vehicle::Vehicle;
 use muster_transport::sim::Counters;
 
-use super::controllers::PortFigures;
 use super::injection::Injection;
+use super::port::PortFigures;
 use super::recorder::{Record, Recorder};
 use crate::checkers::Violation;
 use crate::report::ControlSeries;

@@ -13,13 +13,14 @@ use muster_transport::{Fate, Outcome};
 
 use super::air::Air;
 use super::airspace::{Airspace, PLACE_RADIOS_EVERY};
-use super::controllers::{Controllers, PortState};
+use super::controllers::Controllers;
 use super::core::Core;
 use super::event::{Event, ProcessEvent, Silence};
 use super::injection::{Injection, Phase};
 use super::leadership::Leadership;
 use super::links::LinkWatch;
 use super::message::{Message, Task, What};
+use super::port::PortState;
 use super::processes::{Processes, RESTART_AFTER, Remedy};
 use super::recorder::InjectedFault;
 use super::trace::Kind;

@@ -202,9 +202,9 @@ fn sticks_of_before_a_port_was_closed_do_not_leave_when_it_opens_again() {
     bench.is_up = false;
     let closed = Some(Duration::from_millis(30));
     (bench.controllers).affect(bench.now, DRONE, ControllerFault::ClosePort, closed);
-    let opened = bench.attached().figures.opened;
+    let opened = bench.attached().port.figures().opened;
     bench.pass(0.15);
-    assert_eq!(bench.attached().figures.opened, opened + 1);
+    assert_eq!(bench.attached().port.figures().opened, opened + 1);
     assert_eq!(bench.violation, None);
 }
 
