@@ -279,7 +279,7 @@ pub struct Protocol {
     /// Period at which a drone repeats what it knows.
     #[schemars(extend("x-default" = "by `parameters`"))]
     pub period_ms: Option<Milliseconds>,
-    /// Period once a drone has been going to land for the time to live.
+    /// Period once a drone has been going to land for the time to live, under a master that goes to land, too.
     #[schemars(extend("x-default" = "by `parameters`"))]
     pub keep_alive_ms: Option<Milliseconds>,
     /// Period of hellos in neighbour discovery.

@@ -75,8 +75,10 @@ impl FloodPolicy {
             Phase::Gossip | Phase::Following | Phase::RoutesLost => {
                 self.check_timeouts(shared, now);
                 self.send_flood(shared, now);
+                // Under a master that flies on, it may be the only one that relays between others.
+                let is_over = shared.is_master() || shared.master_lands();
                 match shared.durable.landing {
-                    Some(since) if now.since(since) > self.config.time_to_live => {
+                    Some(since) if is_over && now.since(since) > self.config.time_to_live => {
                         self.config.keep_alive
                     }
                     _ => self.config.period,

@@ -33,8 +33,8 @@ pub struct Config {
     pub drones: u32,
     /// Send period.
     pub period: Duration,
-    /// Send period of a drone that has been going to land for its time to live: others no longer await it, and its
-    /// neighbours know all it has to relay.
+    /// Send period of a drone that has been going to land for its time to live, under a master that goes to land, too:
+    /// others no longer await it, and its neighbours know all it has to relay.
     pub keep_alive: Duration,
     /// Period of hellos during discovery.
     pub hello_period: Duration,

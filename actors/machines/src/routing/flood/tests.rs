@@ -350,6 +350,41 @@ fn master_announces_its_landing() {
 }
 
 #[test]
+fn a_drone_that_lands_keeps_its_period_until_its_master_lands_too() {
+    let mut drone = routing(1);
+    receive(&mut drone, at(0.0), 0, &Packet::Flood(flood(1, 1)));
+    stimulate(&mut drone, at(0.0), Stimulus::Input(Input::Land));
+    let mut sent_in_5_s = |from_s: u32, master_lands: bool| {
+        let mut sent = 0;
+        for tenth in 0..50_u32 {
+            let now = at(f64::from(from_s) + f64::from(tenth) / 10.0);
+            let mut heard = flood(10 * from_s + tenth + 2, 1);
+            heard.members.extend(master_lands.then_some(Member {
+                id: NodeId(0),
+                number: 3,
+                acknowledged: 1,
+                out_of_range: false,
+                landing: true,
+            }));
+            sent += receive(&mut drone, now, 0, &Packet::Flood(heard))
+                .sent
+                .len();
+            sent += wait(&mut drone, now).sent.len();
+        }
+        sent
+    };
+    sent_in_5_s(0, false);
+    sent_in_5_s(5, false);
+    assert_eq!(
+        sent_in_5_s(10, false),
+        25,
+        "it relays the master's heartbeats"
+    );
+    sent_in_5_s(15, true);
+    assert_eq!(sent_in_5_s(20, true), 5);
+}
+
+#[test]
 fn drone_relays_orders_to_a_neighbour_without_route() {
     let (mut drone, now) = in_hop_update();
     let hop_update = Packet::HopUpdate {
