@@ -34,7 +34,7 @@ pub use muster_machines::agent;
 pub use muster_machines::geometry::{Ned, Velocity};
 pub use muster_machines::identity::{NodeId, NodeSet};
 pub use muster_machines::time::Timestamp;
-pub use muster_runtime::agents::{AgentFactory, AgentSpec, Agents};
+pub use muster_runtime::agents::{AgentFactory, AgentSpec, Agents, ParametersError};
 pub use muster_scenarios::engine::Engine;
 pub use muster_scenarios::report;
 

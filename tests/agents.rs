@@ -208,25 +208,19 @@ fn errors_in_what_an_agent_takes_show_their_place_and_what_it_takes() {
         (
             "length_m = 200",
             "lenght_m = 200",
-            "takes corner_m, length_m, lanes,",
+            "the agent takes corner_m, length_m, lanes,",
         ),
         ("length_m = 200", "length_m = \"x\"", "expected a number"),
         ("lane_m = 20\n", "", "missing field `lane_m`"),
-        (
-            "name = \"lanes\"",
-            "name = \"lanse\"",
-            "did you mean `lanes`?",
-        ),
-        (
-            "[agent]\nname = \"lanes\"\n\n[agent.parameters]",
-            "[vehicle]",
-            "needs a table `[agent]`",
-        ),
     ];
     for (from, to, said) in cases {
         let refused = refused(from, to);
         assert!(refused.contains(said), "{refused}");
     }
+    let without = lanes.split("[agent]").next().unwrap();
+    let missing = refused(&lanes, without);
+    assert!(missing.contains("needs a table `[agent]`"), "{missing}");
+    assert!(missing.contains("kind = \"agent\" · "), "{missing}");
     let misspelt = refused("length_m = 200", "lenght_m = 200");
     let line = lanes.lines().position(|it| it == "length_m = 200").unwrap() + 1;
     assert!(

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
 use muster::agent::{Agent, Context, Destination, Reliability, SwarmEvent, Telemetry, TimerId};
-use muster::{AgentSpec, Ned, NodeId};
+use muster::{AgentSpec, Ned, NodeId, ParametersError};
 use serde::{Deserialize, Serialize};
 
 const AUCTION: TimerId = TimerId(0);
@@ -50,7 +50,7 @@ pub(crate) struct Auction {
 }
 
 impl Auction {
-    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, toml::de::Error> {
+    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, ParametersError> {
         Ok(Self {
             parameters: spec.parameters()?,
             done: BTreeSet::new(),

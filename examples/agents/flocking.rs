@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use muster::agent::{Agent, Context, Destination, Reliability, Telemetry, TimerId};
-use muster::{AgentSpec, Ned, NodeId, Timestamp, Velocity};
+use muster::{AgentSpec, Ned, NodeId, ParametersError, Timestamp, Velocity};
 use serde::Deserialize;
 
 const END: TimerId = TimerId(0);
@@ -39,7 +39,7 @@ pub(crate) struct Flocking {
 }
 
 impl Flocking {
-    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, toml::de::Error> {
+    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, ParametersError> {
         Ok(Self {
             parameters: spec.parameters()?,
             neighbours: BTreeMap::new(),

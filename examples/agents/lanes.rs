@@ -6,7 +6,7 @@
 use std::collections::BTreeSet;
 
 use muster::agent::{Agent, Context, Destination, Outcome, Reliability, SwarmEvent, Telemetry};
-use muster::{AgentSpec, Ned, NodeId};
+use muster::{AgentSpec, Ned, NodeId, ParametersError};
 use serde::{Deserialize, Serialize};
 
 /// The fields of `[agent.parameters]`.
@@ -55,7 +55,7 @@ pub(crate) struct Lanes {
 }
 
 impl Lanes {
-    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, toml::de::Error> {
+    pub(crate) fn new(spec: &AgentSpec) -> Result<Self, ParametersError> {
         Ok(Self {
             parameters: spec.parameters()?,
             state: State::default(),

@@ -13,6 +13,8 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 use thiserror::Error;
 
+use crate::diagnostic::plain;
+
 /// What an agent is built from.
 #[derive(Debug, Clone)]
 pub struct AgentSpec {
@@ -28,19 +30,32 @@ impl AgentSpec {
     ///
     /// # Errors
     /// A field is missing, unknown or has another type. The factory returns that, and the file is refused at that place.
-    pub fn parameters<T: DeserializeOwned>(&self) -> Result<T, toml::de::Error> {
+    pub fn parameters<T: DeserializeOwned>(&self) -> Result<T, ParametersError> {
         let table = self.parameters.table.clone();
-        table
-            .try_into()
-            .map_err(|error| self.parameters.locate::<T>().unwrap_or(error))
+        table.try_into().map_err(|error| {
+            let located = self.parameters.locate::<T>();
+            ParametersError(located.unwrap_or(error))
+        })
     }
 }
 
+/// The fields of `[agent.parameters]` are not those that the agent takes.
+#[derive(Debug, Clone, PartialEq, Error)]
+#[error("{}", plain(.0.message()))]
+pub struct ParametersError(pub(crate) toml::de::Error);
+
 /// The table `[agent.parameters]`, and the scenario file's text if it has that table.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct Parameters {
     pub(crate) table: toml::Table,
     pub(crate) file: Option<String>,
+}
+
+/// Without the text: scenarios that differ in a comment are equal.
+impl fmt::Debug for Parameters {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.table.fmt(f)
+    }
 }
 
 impl Parameters {

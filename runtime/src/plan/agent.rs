@@ -9,8 +9,8 @@ use muster_machines::geometry::Ned;
 
 use super::file::Source;
 use super::raw::{ProtocolKind, Raw};
-use crate::agents::{Agents, Parameters, PlannedAgent};
-use crate::diagnostic::{BadInput, did_you_mean, names, plain};
+use crate::agents::{Agents, Parameters, ParametersError, PlannedAgent};
+use crate::diagnostic::{BadInput, did_you_mean, names};
 use crate::schema::Located;
 
 /// How long agents are expected to fly: a default for the limits.
@@ -75,18 +75,22 @@ fn refused(
     agent: &str,
     error: &(dyn Error + 'static),
 ) -> BadInput {
-    let located = error.downcast_ref::<toml::de::Error>();
-    let why = located.map_or_else(|| error.to_string(), |it| plain(it.message()));
-    let message = format!("the agent `{agent}` refuses its parameters: {why}");
-    let span = located.and_then(toml::de::Error::span).unwrap_or(table);
-    let unknown = located.map(toml::de::Error::message);
-    match unknown.filter(|it| it.starts_with("unknown field")) {
-        Some(unknown) => {
-            let fields: Vec<_> = names(unknown).skip(1).collect();
-            let help = format!("`agent.parameters` takes {}", fields.join(", "));
-            source.error_with(span, &message, help)
-        }
-        None => source.error(span, &message),
+    let message = format!(
+        "the agent `{agent}` refuses its parameters: {}",
+        error.to_string().trim()
+    );
+    let Some(ParametersError(error)) = error.downcast_ref() else {
+        return source.error(table, &message);
+    };
+    let span = error.span().unwrap_or(table);
+    let names = names(error.message()).skip(1).collect::<Vec<_>>();
+    match error.message().starts_with("unknown field") && !names.is_empty() {
+        true => source.error_with(
+            span,
+            &message,
+            format!("the agent takes {}", names.join(", ")),
+        ),
+        false => source.error(span, &message),
     }
 }
 

@@ -62,7 +62,8 @@ pub struct Row {
     pub min_separation_m: Option<f64>,
     /// Number of actor restarts of all drones.
     pub restarts: u64,
-    /// The last value of each name that agents of the scenario's own swarm observed, of whichever drone; finite ones.
+    /// The last value of each name that agents of the scenario's own swarm observed, of whichever drone; finite ones, of the
+    /// names that were observed first.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub observed: BTreeMap<String, f64>,
     /// Whether all swarms completed their missions; see [`Report::are_missions_completed`].
@@ -143,10 +144,7 @@ impl Row {
             election_max_s: settled.reduce(f64::max).map(rounded),
             min_separation_m: report.min_separation_m.map(rounded),
             restarts: report.drones.iter().map(restarts).sum(),
-            observed: (report.observed.iter())
-                .filter(|it| it.value.is_finite())
-                .map(|it| (it.name.clone(), rounded(it.value)))
-                .collect(),
+            observed: observed(report),
             mission_completed: report.are_missions_completed(),
             violations: report.violations.len() as u64,
             rule: first.map(|violation| violation.rule),
@@ -243,6 +241,21 @@ fn varied(campaign: &Campaign, combination: u64) -> BTreeMap<String, String> {
         .collect()
 }
 
+/// Most names of observed values in a row.
+const NAMES_MAX: usize = 100;
+
+fn observed(report: &Report) -> BTreeMap<String, f64> {
+    let mut last = BTreeMap::new();
+    for value in &report.observed {
+        let rounded = rounded(value.value);
+        let has_place = last.len() < NAMES_MAX || last.contains_key(&value.name);
+        if rounded.is_finite() && has_place {
+            last.insert(value.name.clone(), rounded);
+        }
+    }
+    last
+}
+
 fn restarts(drone: &DroneReport) -> u64 {
     u64::from(drone.restarts)
 }
@@ -272,7 +285,7 @@ pub(super) mod tests {
             settled_after_s: Some(0.5),
             masters: vec![1, 3],
         }];
-        report.observed = [1.0, 2.0, f64::NAN]
+        report.observed = [1.0, 2.0, f64::NAN, f64::MAX]
             .map(|value| ObservedValue {
                 at_s: value,
                 drone: 1,

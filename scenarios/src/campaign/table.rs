@@ -68,9 +68,13 @@ fn observed(published: &Published) -> String {
     lines.collect()
 }
 
-/// What agents observed, as text.
+/// What agents observed, as text: to a hundredth, or three digits if it is less.
 pub(super) fn value(value: f64) -> String {
-    figure(value, if value.fract() == 0.0 { 0 } else { 2 })
+    match value.abs() {
+        _ if value.fract() == 0.0 => figure(value, 0),
+        ..0.01 => format!("{value:.2e}"),
+        _ => figure(value, 2),
+    }
 }
 
 /// The interval of what agents observed, as text.

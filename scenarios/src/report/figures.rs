@@ -146,8 +146,8 @@ impl Report {
 /// The program in commands that repeat something: a program of one's own has agents that `muster` lacks.
 pub(crate) fn program() -> String {
     let has_agents = Agents::installed().names().next().is_some();
-    let own = std::env::current_exe().ok().filter(|_| has_agents);
-    let name = own.as_deref().and_then(Path::file_name);
+    let own = std::env::args_os().next().filter(|_| has_agents);
+    let name = own.as_deref().and_then(|it| Path::new(it).file_name());
     name.map_or_else(|| "muster".to_owned(), |it| quoted(&it.to_string_lossy()))
 }
 

@@ -148,7 +148,7 @@ fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
     let waits: Vec<Duration> = record.waits().collect();
     let routes = &record.routes;
     // Segments that meet while they land agree on a master, but the routes are those from before.
-    let leads = recorder.leader_of(id) == id || routes.hops == Some(0);
+    let leads = [Some(recorder.leader_of(id)), record.landed_under].contains(&Some(id));
     DroneReport {
         id: id.0,
         role: if leads { Role::Master } else { Role::Member },

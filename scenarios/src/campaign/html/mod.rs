@@ -172,7 +172,10 @@ fn observed(campaign: &Campaign, summaries: &[Summary]) -> Markup {
     html! {
         section {
             h2 { "What agents observed" }
-            p.about { "The last value of each name in a run: its median, and below it the 95\u{a0}% interval." }
+            p.about {
+                "The last value of each name in a run: its median, and below it the 95\u{a0}% interval."
+                @if summaries.len() > LISTED_MAX { " The first " (LISTED_MAX) " combinations; all are in " (SUMMARY_CSV) "." }
+            }
             div.scroll {
                 table.observed {
                     thead {

@@ -222,6 +222,10 @@ impl Recorder {
                 let record = self.record(id);
                 let before = record.states.last().map(|(_, state)| *state);
                 record.states.push((now, state));
+                let leader = self.leader_of(id);
+                if self.is_landing(id) {
+                    self.record(id).landed_under.get_or_insert(leader);
+                }
                 self.traffic_mut(id).counts |= is_in_discovery_or_beyond(state);
                 self.milestones.enters(now, before, state, sent);
             }

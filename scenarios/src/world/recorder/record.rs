@@ -14,6 +14,8 @@ pub(crate) struct Record {
     pub(crate) states: Vec<(Timestamp, State)>,
     /// The drone that it follows; `None` before it follows any.
     pub(crate) leader: Option<NodeId>,
+    /// The leader that it followed when it went to land; `None` before.
+    pub(crate) landed_under: Option<NodeId>,
     /// Its routes, as they were until its leader went to land.
     pub(crate) routes: Routes,
     pub(crate) reason: Option<LandingReason>,
@@ -37,6 +39,7 @@ impl Record {
         Self {
             states: vec![(Timestamp::ZERO, State::Start)],
             leader: None,
+            landed_under: None,
             routes: Routes::default(),
             reason: None,
             given_up: false,

@@ -170,7 +170,14 @@ impl Guidance {
     }
 
     /// Continues where the vehicle's course is next to it, so that what it was off is not kept; from where it is if that is far.
+    /// A landing that is about to come to the ground only goes on there.
     fn go_on(&mut self, now: Timestamp, estimate: &Estimate) {
+        let ground = self.motion.as_ref().filter(|_| self.expects_ground(now));
+        let ground = ground.map(|it| estimate.position.at_altitude(it.position(now).altitude_m()));
+        if let Some(there) = ground.filter(|it| it.distance_m(estimate.position) <= LEFT_BEHIND_M) {
+            self.motion = Some(Motion::at_rest(there));
+            return;
+        }
         let on_course = self.on_course(estimate);
         self.begin(now, &on_course.unwrap_or(*estimate));
     }
