@@ -50,8 +50,8 @@ class Firmware:
         self.start()
 
     def start(self):
-        """Starts it anew until it listens: now and then it never does."""
-        for _ in range(3):
+        """Starts it anew until it listens: now and then it never does, several times in a row."""
+        for _ in range(6):
             self.kill()
             self.process = subprocess.Popen([self.path, "127.0.0.1"], cwd=self.folder,
                                             stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

@@ -28,10 +28,12 @@ def summary(values):
 
 
 class Flight:
-    """A firmware with its physics and a link. A thread sends RC frames every 20 ms, the pilot's radio frames too."""
+    """A firmware with its physics and a link. A thread sends RC frames every 20 ms, the pilot's radio frames too.
 
-    def __init__(self, path, configuration, held=True, pilot=None):
-        self.firmware = Firmware(path, configuration)
+    `start` makes the firmware, or what stands in its place, from a program and its configuration."""
+
+    def __init__(self, path, configuration, held=True, pilot=None, start=Firmware):
+        self.firmware = start(path, configuration)
         self.physics = physics.Peer(held)
         self.sticks, self.pilot, self.sending, self.sent_at = list(LOW), pilot, True, 0.0
         self.radio = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)

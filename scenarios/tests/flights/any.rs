@@ -61,10 +61,7 @@ fn draw_scenario(draw: u64) -> Scenario {
 #[test]
 fn drawn_scenarios_break_no_rule_and_both_engines_agree() {
     let mut sweep = Sweep::default();
-    for draw in 0..40 {
-        if !sweep.has_next() {
-            continue;
-        }
+    for draw in sweep.of(0..40) {
         let scenario = draw_scenario(draw);
         let report = fly(&scenario, Engine::Events);
         assert_eq!(report.violations, [], "draw {draw}: {scenario:?}");

@@ -33,7 +33,7 @@ fn swarm_without_deconfliction_breaks_the_separation_rule() {
 #[test]
 fn deconfliction_without_faults_costs_no_time_and_few_frames() {
     let mut sweep = Sweep::default();
-    for name in [
+    for name in sweep.of([
         "thesis-1.toml",
         "thesis-2.toml",
         "thesis-3.toml",
@@ -45,10 +45,7 @@ fn deconfliction_without_faults_costs_no_time_and_few_frames() {
         "shake-up.toml",
         "southbound.toml",
         "split-up-3.toml",
-    ] {
-        if !sweep.has_next() {
-            continue;
-        }
+    ]) {
         let [without, with] = [false, true].map(|avoid| flown(name, avoid));
         assert_eq!(with.violations, [], "{name}");
         let longer = with.simulated_s / without.simulated_s;

@@ -53,10 +53,7 @@ const CHANGES: &str = r#"changes=[
 fn changes_take_place_at_their_waypoints_for_any_swarm_size() {
     let mut sweep = Sweep::default();
     for drones in [4, 9, 16, 30] {
-        for policy in ["flood", "tree"] {
-            if !sweep.has_next() {
-                continue;
-            }
+        for policy in sweep.of(["flood", "tree"]) {
             let fields = [
                 &*format!("formation.drones={drones}"),
                 &*format!("protocol.policy={policy}"),
@@ -82,10 +79,7 @@ fn change_completes_if_an_actor_crashes_during_it() {
     for actor in ["radio", "routing", "mission", "navigation", "msp"] {
         for drone in [0, 4] {
             // The third change lasts from 148 to 182 s.
-            for at_s in [150, 160, 172] {
-                if !sweep.has_next() {
-                    continue;
-                }
+            for at_s in sweep.of([150, 160, 172]) {
                 let fault = format!(
                     "faults=[{{ at_s = {at_s}, kind = \"crash-actor\", drone = {drone}, actor = \"{actor}\" }}]"
                 );

@@ -47,10 +47,7 @@ fn assert_came_down(report: &Report, why: &str, what: &str) {
 #[test]
 fn half_a_percent_of_bad_bytes_on_every_line_changes_no_flight() {
     let mut sweep = Sweep::default();
-    for seed in 1..=10 {
-        if !sweep.has_next() {
-            continue;
-        }
+    for seed in sweep.of(1..=10) {
         let kind = if seed % 2 == 0 {
             "lose-bytes"
         } else {
@@ -82,10 +79,7 @@ fn a_tenth_of_altered_bytes_loses_the_link_and_the_failsafe_brings_the_drone_dow
 #[test]
 fn answers_that_all_come_too_late_lose_the_link_and_the_failsafe_brings_the_drone_down() {
     let mut sweep = Sweep::default();
-    for seed in SEEDS {
-        if !sweep.has_next() {
-            continue;
-        }
+    for seed in sweep.of(SEEDS) {
         let delay = r#"{ at_s = 30, kind = "delay-bytes", drone = 1, by_ms = 60 }"#;
         assert_came_down(&flown(seed, delay), LINK_LOST, seed);
     }
@@ -103,16 +97,13 @@ fn a_port_that_is_closed_for_a_moment_stops_nobody() {
 fn a_drone_behind_a_closed_port_or_with_a_frozen_controller_comes_down_or_is_reported() {
     let mut sweep = Sweep::default();
     for seed in SEEDS {
-        for fault in [
+        for fault in sweep.of([
             r#"kind = "close-port""#,
             r#"kind = "close-port", for_s = 3"#,
             r#"kind = "freeze-controller""#,
             r#"kind = "freeze-controller", for_s = 3"#,
             r#"kind = "lose-bytes", share = 1.0"#,
-        ] {
-            if !sweep.has_next() {
-                continue;
-            }
+        ]) {
             let fault = format!("{{ at_s = 30, drone = 1, {fault} }}");
             assert_came_down(&flown(seed, &fault), LINK_LOST, &fault);
         }

@@ -23,10 +23,7 @@ pub(crate) fn each_half_of_the_line_elects_a_master_and_continues() {
         ("quiet", "0", 4.0),
         ("quiet", "0.2", 8.0),
     ] {
-        for seed in 0..4 {
-            if !sweep.has_next() {
-                continue;
-            }
+        for seed in sweep.of(0..4) {
             let fields = [
                 &*format!("protocol.parameters={set}"),
                 &*format!("radio.loss={loss}"),
@@ -56,10 +53,7 @@ fn single_routing_crash_causes_no_election() {
         ("fast", "0.1", [5, 6, 8, 9]),
         ("lan", "0", [5, 6, 8, 9]),
     ] {
-        for drone in drones {
-            if !sweep.has_next() {
-                continue;
-            }
+        for drone in sweep.of(drones) {
             let fields = [
                 &*format!(
                     r#"faults=[{{ at_s = 130, kind = "crash-actor", drone = {drone}, actor = "routing" }}]"#
@@ -80,10 +74,7 @@ fn no_election_without_a_lost_master() {
     let mut sweep = Sweep::default();
     for set in ["fast", "quiet"] {
         for loss in ["0", "0.2"] {
-            for seed in 0..3 {
-                if !sweep.has_next() {
-                    continue;
-                }
+            for seed in sweep.of(0..3) {
                 let fields = [
                     "faults=[]",
                     &*format!("protocol.parameters={set}"),

@@ -40,10 +40,7 @@ fn assert_all_finished(report: &Report) {
 #[test]
 fn both_engines_agree_on_the_shipped_scenarios() {
     let mut sweep = Sweep::default();
-    for experiment in 1..=5 {
-        if !sweep.has_next() {
-            continue;
-        }
+    for experiment in sweep.of(1..=5) {
         let name = &format!("thesis-{experiment}.toml");
         assert_all_finished(&on_both_engines(&scenario(name, &[])));
     }
@@ -53,10 +50,7 @@ fn both_engines_agree_on_the_shipped_scenarios() {
 fn both_engines_agree_on_unicasts() {
     let mut sweep = Sweep::default();
     for name in ["barrier-line.toml", "barrier-mesh.toml", "relay.toml"] {
-        for loss in ["radio.loss=0", "radio.loss=0.3"] {
-            if !sweep.has_next() {
-                continue;
-            }
+        for loss in sweep.of(["radio.loss=0", "radio.loss=0.3"]) {
             assert_all_finished(&on_both_engines(&scenario(name, &[loss])));
         }
     }
@@ -133,10 +127,7 @@ fn mission_completes_after_panics_in_all_actors_in_any_phase() {
     // On the ground, taking off, in discovery, in hop update, at a waypoint, on a leg, moving to land, landing.
     let mut sweep = Sweep::default();
     for from_s in [0.1, 20.0, 52.0, 59.1, 60.5, 150.0, 391.0, 410.0] {
-        for drone in [1, 2] {
-            if !sweep.has_next() {
-                continue;
-            }
+        for drone in sweep.of([1, 2]) {
             let mut scenario = scenario("thesis-1.toml", &[]);
             scenario.faults = (0..)
                 .zip(Address::ALL)

@@ -168,10 +168,7 @@ fn fences_of_plan_and_scenario_are_both_in_force() {
 #[test]
 fn hung_process_starts_no_election_when_it_resumes() {
     let mut sweep = Sweep::default();
-    for for_s in [2.0, 0.5, 5.0] {
-        if !sweep.has_next() {
-            continue;
-        }
+    for for_s in sweep.of([2.0, 0.5, 5.0]) {
         let fields = [
             "protocol.succession=elect",
             "protocol.parameters=fast",

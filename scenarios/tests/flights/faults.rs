@@ -27,10 +27,7 @@ fn fly_seed_with(seed: u64, faults: &str) -> Report {
 #[test]
 fn restarted_process_rejoins_the_swarm_from_its_journal() {
     let mut sweep = Sweep::default();
-    for seed in 0..20 {
-        if !sweep.has_next() {
-            continue;
-        }
+    for seed in sweep.of(0..20) {
         let report = fly_seed_with(seed, "{ at_s = 70, kind = \"restart\", drone = 1 }");
         assert_finished(&report, &[], &format!("seed {seed}"));
         // Drone 0 hears only drone 1 and waits for it: the master stays.

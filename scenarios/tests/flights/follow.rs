@@ -18,10 +18,7 @@ fn assert_all_down_together(report: &Report) {
 fn members_up_to_seven_hops_away_keep_formation_at_10_mps() {
     let mut sweep = Sweep::default();
     for (loss, limit_m) in [("0", 2.0), ("0.1", 4.0)] {
-        for seed in 0..5 {
-            if !sweep.has_next() {
-                continue;
-            }
+        for seed in sweep.of(0..5) {
             let fields = [
                 &*format!("radio.loss={loss}"),
                 &*format!("seed={seed}"),

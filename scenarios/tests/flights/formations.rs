@@ -44,10 +44,7 @@ fn assert_flown(report: &Report, what: &str) {
 fn every_formation_flies_and_lands_without_violation() {
     let mut sweep = Sweep::default();
     for kind in KINDS {
-        for drones in [6, 9, 14, 21] {
-            if !sweep.has_next() {
-                continue;
-            }
+        for drones in sweep.of([6, 9, 14, 21]) {
             let what = format!("{kind:?}, {drones} drones");
             assert_flown(&fly(&with(kind, drones, &[]), Engine::Events), &what);
         }
@@ -57,10 +54,7 @@ fn every_formation_flies_and_lands_without_violation() {
 #[test]
 fn forty_drones_fly_in_the_densest_formations() {
     let mut sweep = Sweep::default();
-    for kind in &KINDS[5..] {
-        if !sweep.has_next() {
-            continue;
-        }
+    for kind in sweep.of(&KINDS[5..]) {
         let what = format!("{kind:?}, 40 drones");
         assert_flown(&fly(&with(kind, 40, &[]), Engine::Events), &what);
     }
@@ -109,13 +103,10 @@ fn master_lost_between_waves_leaves_the_later_waves_on_the_ground() {
 fn hung_or_restarted_drone_in_any_wave_breaks_no_rule() {
     let mut sweep = Sweep::default();
     for (seed, at_s) in (0..).zip([8, 20, 35, 50, 70, 100, 130, 150, 180]) {
-        for what in [
+        for what in sweep.of([
             "kind = \"hang\", drone = 20, for_s = 4",
             "kind = \"restart\", drone = 25, for_s = 1",
-        ] {
-            if !sweep.has_next() {
-                continue;
-            }
+        ]) {
             let report = fly_in_waves(seed, &format!("{{ at_s = {at_s}, {what} }}"));
             assert_eq!(report.violations, [], "{what} at {at_s} s");
         }
@@ -138,10 +129,7 @@ fn drones_in_lines_and_grids_take_off_to_every_formation() {
     let mut sweep = Sweep::default();
     for kind in KINDS {
         for ground in ["line", "grid"] {
-            for assignment in ["optimal", "greedy"] {
-                if !sweep.has_next() {
-                    continue;
-                }
+            for assignment in sweep.of(["optimal", "greedy"]) {
                 let ground = format!("formation.ground={ground}");
                 let assignment = format!("formation.assignment={assignment}");
                 let standing = with(kind, 14, &[&ground, &assignment]);
@@ -156,10 +144,7 @@ fn drones_in_lines_and_grids_take_off_to_every_formation() {
 fn formations_keep_separation_for_any_seed_heading_and_loss() {
     let mut sweep = Sweep::default();
     for (seed, heading) in [(1, 30), (2, 75), (3, -120)] {
-        for kind in KINDS {
-            if !sweep.has_next() {
-                continue;
-            }
+        for kind in sweep.of(KINDS) {
             let more = [
                 &*format!("seed={seed}"),
                 &*format!("formation.heading_deg={heading}"),

@@ -107,10 +107,7 @@ fn every_flight_time_follows_the_law_of_the_five_experiments() {
 fn mean_wait_s(name: &str, fields: &[&str]) -> f64 {
     let mut sweep = Sweep::default();
     let (mut sum_s, mut flights) = (0.0, 0.0);
-    for seed in 1..=20 {
-        if !sweep.has_next() {
-            continue;
-        }
+    for seed in sweep.of(1..=20) {
         let seed = format!("seed={seed}");
         let fields: Vec<_> = fields.iter().copied().chain([&*seed]).collect();
         let report = fly(&scenario(name, &fields), Engine::Events);
@@ -175,10 +172,7 @@ fn drones_keep_separation_for_any_seed() {
     let mut sweep = Sweep::default();
     for experiment in published() {
         let name = format!("{}.toml", experiment.scenario);
-        for seed in 0..20 {
-            if !sweep.has_next() {
-                continue;
-            }
+        for seed in sweep.of(0..20) {
             let report = fly(&scenario(&name, &[&format!("seed={seed}")]), Engine::Events);
             assert_eq!(report.violations, [], "{name}, seed {seed}");
             assert!(

@@ -19,10 +19,10 @@ const CORRECTION_MAX_MPS: f64 = 4.0;
 const INTEGRAL_MAX_MPS2: f64 = 3.0;
 /// Time constant of the wind that counts once the position is lost, in seconds.
 const STEADY_S: f64 = 15.0;
-/// Limits of the vertical acceleration, in m/s².
+/// Limits of the vertical acceleration beside what is integrated, in m/s².
 const CLIMB_MAX_MPS2: f64 = 4.0;
 
-/// The same, and its integrated share, of a vehicle whose thrust had no effect: three times its weight, which is nearly full
+/// The same, and the integrated one, of a vehicle whose thrust had no effect: three times its weight, which is nearly full
 /// throttle for one that hovered at half of it. Ours.
 const WEAK_UP_MAX_MPS2: f64 = 20.0;
 
@@ -76,11 +76,6 @@ impl Control {
         throttle(self.gains.hover_throttle, -self.integral.z, 1.0)
     }
 
-    /// The acceleration downwards of the last sticks, in m/s².
-    pub(super) const fn down_mps2(&self) -> f64 {
-        self.down_mps2
-    }
-
     /// The acceleration downwards that the last sticks should have given, in m/s².
     pub(super) fn expected_down_mps2(&self) -> f64 {
         self.down_mps2 - self.integral.z
@@ -92,7 +87,7 @@ impl Control {
         self.integral.z = self.integral.z.min(self.down_mps2);
     }
 
-    /// Largest acceleration upwards, and its largest integrated share, in m/s².
+    /// Largest acceleration upwards beside what is integrated, and largest integrated one, in m/s².
     const fn up_max_mps2(&self) -> (f64, f64) {
         match self.is_weak {
             true => (WEAK_UP_MAX_MPS2, WEAK_UP_MAX_MPS2),
@@ -148,11 +143,9 @@ impl Control {
             gains.climb_integral_per_s2,
         );
         let drag = Vector3::new(reference.velocity.0.x, reference.velocity.0.y, 0.0);
-        let mut acceleration = reference.acceleration
-            + drag * gains.drag_per_s
-            + error.component_mul(&per_s)
-            + self.integral;
-        let is_saturated = self.limit(&mut acceleration);
+        let feedback =
+            reference.acceleration + drag * gains.drag_per_s + error.component_mul(&per_s);
+        let (mut acceleration, is_saturated) = self.limited(feedback);
         self.down_mps2 = acceleration.z;
         let mut growth = error.component_mul(&per_s2) * seconds;
         if lean != Lean::Free {
@@ -178,17 +171,19 @@ impl Control {
         self.sticks(acceleration, tilt)
     }
 
-    /// Limits an acceleration to what tilt and throttle allow. Returns whether it was beyond.
-    fn limit(&self, acceleration: &mut Vector3<f64>) -> bool {
+    /// An acceleration and what is integrated, as far as tilt and climb allow; whether it was beyond. What is integrated is no
+    /// climb: a heavy vehicle needs it to hover.
+    fn limited(&self, feedback: Vector3<f64>) -> (Vector3<f64>, bool) {
         let most = GRAVITY_MPS2 * libm::tan(self.gains.tilt_max_rad);
-        let before = *acceleration;
-        let level = acceleration.xy().cap_magnitude(most);
-        *acceleration = Vector3::new(
-            level.x,
-            level.y,
-            acceleration.z.clamp(-self.up_max_mps2().0, CLIMB_MAX_MPS2),
-        );
-        *acceleration != before
+        let asked = feedback.xy() + self.integral.xy();
+        let level = asked.cap_magnitude(most);
+        let climbs = -self.up_max_mps2().0..=CLIMB_MAX_MPS2;
+        let down = feedback.z.clamp(*climbs.start(), *climbs.end());
+        let is_beyond = level != asked || !climbs.contains(&feedback.z);
+        (
+            Vector3::new(level.x, level.y, down + self.integral.z),
+            is_beyond,
+        )
     }
 
     /// The attitude and the throttle of an acceleration, as sticks.

@@ -23,6 +23,8 @@ const GAIN_MIN_MPS: f64 = 0.5;
 /// Sink rate beyond which thrust in flight had no effect, in m/s: ArduPilot's check needs a descent, too. A vehicle that holds
 /// its height in sinking air asks for as much thrust all the time.
 const SINKS_MPS: f64 = 0.5;
+/// Climb rate from which a vehicle rises off the ground, in m/s. A heavy one does so slowly. Ours: beyond the estimate's error.
+const RISES_MPS: f64 = 0.25;
 /// Output of a motor at its limit, in µs: 95 % of its range, where it has no share left to turn the aircraft with. Ours.
 const MOTOR_MAX_US: u16 = 1_950;
 /// Largest output that a motor can be told, in µs: 2,000, and a tenth of the range more.
@@ -44,7 +46,7 @@ const LOW_READINGS: u8 = 2;
 pub(super) struct Response {
     /// Angle between its axis down and the world's, in radians.
     pub(super) tilt_rad: f64,
-    /// Upward acceleration that its sticks ask for, in m/s².
+    /// Upward acceleration that its sticks should give, in m/s².
     pub(super) up_mps2: f64,
     /// Its climb rate, in m/s.
     pub(super) climb_mps: f64,
@@ -139,8 +141,11 @@ impl Watch {
             return false;
         }
         self.thrust_since = None;
-        let must_climb = !response.is_in_air || response.climb_mps < -SINKS_MPS;
-        must_climb && response.climb_mps - climb_mps < GAIN_MIN_MPS
+        let expected_mps = match response.is_in_air {
+            true => -SINKS_MPS,
+            false => RISES_MPS,
+        };
+        response.climb_mps < expected_mps && response.climb_mps - climb_mps < GAIN_MIN_MPS
     }
 }
 
@@ -244,6 +249,11 @@ mod tests {
             found(&mut Watch::default(), |_| stays_on_the_ground),
             Some((1_000, thrust))
         );
+        let rises_slowly = Response {
+            climb_mps: 0.3,
+            ..stays_on_the_ground
+        };
+        assert_eq!(found(&mut Watch::default(), |_| rises_slowly), None);
         let hovers_with_little_charge = Response {
             up_mps2: 3.0,
             ..HOVERS

@@ -297,7 +297,7 @@ impl ControlLoops {
         let estimate = self.estimator.estimate().filter(|_| is_flown);
         let response = estimate.map(|estimate| Response {
             tilt_rad: libm::acos(self.estimator.tilt().vertical_share()),
-            up_mps2: -self.control.down_mps2(),
+            up_mps2: -self.control.expected_down_mps2(),
             climb_mps: -estimate.velocity.0.z,
             is_in_air: self.lift == Lift::Left,
         });
@@ -331,7 +331,7 @@ impl ControlLoops {
         let estimate = self.estimator.estimate();
         let descent = estimate.filter(|_| self.guidance.is_landing());
         let descent = descent.map(|estimate| Descent {
-            down_mps2: self.control.down_mps2(),
+            down_mps2: self.control.expected_down_mps2(),
             height_m: estimate.position.altitude_m(),
             height_age: self.estimator.height_age(now),
             is_expected: self.guidance.expects_ground(now),
