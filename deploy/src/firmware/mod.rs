@@ -5,7 +5,7 @@ mod body;
 mod configure;
 mod network;
 
-use std::fs::File;
+use std::fs::{self, File};
 use std::io;
 use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream, UdpSocket};
 use std::path::{Path, PathBuf};
@@ -27,7 +27,7 @@ use crate::controller::{lock, wait};
 use crate::pilot::LivePilot;
 
 /// Where the firmware listens for MSP, in its network.
-const MSP: &str = "127.0.0.1:5761";
+const MSP: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 5761);
 /// Where it listens for the pilot's radio, in its network.
 const RADIO: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 9004);
 /// Channels of a frame of that radio.
@@ -243,16 +243,28 @@ fn listening(process: &mut Child) -> io::Result<Network> {
             return Err(io::Error::other(format!("the firmware ended: {status}")));
         }
         let network = Network::of(process.id());
-        let connected = network.and_then(|network| {
-            network.inside(|| TcpStream::connect(MSP))?;
+        let listens = network.and_then(|network| {
+            network.inside(is_listened_to)?;
             Ok(network)
         });
-        match connected {
+        match listens {
             Ok(network) => return Ok(network),
             Err(error) if started.elapsed() > LISTENS_WITHIN => return Err(error),
             Err(_) => thread::sleep(Duration::from_millis(20)),
         }
     }
+}
+
+/// Fails unless somebody listens for MSP in this thread's network. Not tried by a connection: the firmware takes one at a time,
+/// and on a busy machine closes the next before it has seen the end of the first.
+fn is_listened_to() -> io::Result<()> {
+    let sockets = fs::read_to_string("/proc/thread-self/net/tcp")?;
+    // Local port, no peer, and the state of a socket that listens.
+    if sockets.contains(&format!(":{:04X} 00000000:0000 0A", MSP.1)) {
+        return Ok(());
+    }
+    let message = format!("the firmware doesn't listen on port {}", MSP.1);
+    Err(io::Error::new(io::ErrorKind::TimedOut, message))
 }
 
 /// Whether a process ends by itself.
