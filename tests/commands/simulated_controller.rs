@@ -8,6 +8,8 @@ use std::time::Duration;
 
 use muster_msp::{Attitude, Decode, Decoder, Message, Version, request};
 
+use crate::support::muster;
+
 /// A running simulation; ends with this value.
 struct Simulation {
     process: Child,
@@ -67,4 +69,24 @@ fn one_connection_after_another_is_served() {
         let attitude = attitude(&mut stream);
         assert!(attitude.roll_ddeg.abs() < 20 && attitude.pitch_ddeg.abs() < 20);
     }
+}
+
+#[test]
+fn drone_with_a_pilot_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let shipped = include_str!("../../scenarios/chaos-controllers.toml");
+    let mission = concat!(env!("CARGO_MANIFEST_DIR"), "/scenarios/missions/");
+    let pilots = shipped
+        .replace("missions/", mission)
+        .replace("[vehicle]\n", "[vehicle]\nreceiver = \"override\"\n");
+    std::fs::write(folder.path().join("pilots.toml"), pilots).unwrap();
+    let port = ["--listen", "127.0.0.1:0"];
+    let drone = ["--scenario", "pilots.toml", "--drone", "0"];
+    let run = muster(
+        folder.path(),
+        &[&["fc", "simulate"][..], &port, &drone].concat(),
+    );
+    assert_eq!(run.status.code(), Some(2));
+    let error = String::from_utf8(run.stderr).unwrap();
+    assert!(error.contains("pilots are not simulated"), "{error}");
 }

@@ -244,13 +244,16 @@ impl Decode for Rc {
     }
 }
 
-/// Output of a motor as MSP writes it for all motor protocols, in µs: 1,000 is stopped, 2,000 is full.
+/// Output of a motor as MSP writes it for all motor protocols, in µs: 1,000 is stopped, 2,000 is full. For motors that turn both
+/// ways 1,500 is stopped, 1,000 is full backwards.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct MotorOutput(u16);
 
 impl MotorOutput {
     /// 1,000 µs.
     pub const STOPPED: Self = Self(1000);
+    /// 1,500 µs.
+    pub const CENTRE: Self = Self(1500);
     /// 2,000 µs.
     pub const FULL: Self = Self(2000);
 
@@ -277,9 +280,13 @@ pub struct SetMotor {
 }
 
 impl SetMotor {
-    /// All motors stopped.
+    /// All motors stopped that turn one way.
     pub const STOP: Self = Self {
         outputs: [MotorOutput::STOPPED; 8],
+    };
+    /// All motors stopped that turn both ways.
+    pub const STOP_REVERSIBLE: Self = Self {
+        outputs: [MotorOutput::CENTRE; 8],
     };
 }
 

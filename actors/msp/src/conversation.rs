@@ -4,11 +4,13 @@ use std::time::Duration;
 
 use crate::acknowledgements::Acknowledgements;
 use crate::configuration::BOXES_A_PAGE;
-use crate::schedule::{Answered, FURTHER_BOXES, Schedule, Write};
+use crate::schedule::{
+    Answered, FURTHER_BOXES, STOP_MOTORS, STOP_REVERSIBLE_MOTORS, Schedule, Write,
+};
 use crate::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Decode, DecodeError,
-    Direction, FcVariant, FcVersion, Frame, Identity, Message, Modes, Motor, RawGps, Rc, SetRawRc,
-    Sonar, Status,
+    Direction, FcVariant, FcVersion, FeatureConfig, Frame, Identity, Message, Modes, Motor, RawGps,
+    Rc, SetRawRc, Sonar, Status,
 };
 
 /// What a controller tells.
@@ -110,7 +112,7 @@ impl Conversation {
         self.schedule.lost()
     }
 
-    /// Who the controller is; `None` until it has answered, or refused, all that is asked once.
+    /// Who the controller is; `None` until it has answered, or refused, all that is asked once, but for what stops its motors.
     #[must_use]
     pub fn identity(&self) -> Option<&Identity> {
         self.schedule.is_identified().then_some(&self.identity)
@@ -191,6 +193,15 @@ impl Conversation {
                     self.schedule.ask(now, FURTHER_BOXES);
                 }
             }
+            // One that refuses to say it is told nothing.
+            FeatureConfig::COMMAND => {
+                let features = FeatureConfig::decode(payload)?;
+                let stop = match features.has(FeatureConfig::REVERSIBLE) {
+                    true => STOP_REVERSIBLE_MOTORS,
+                    false => STOP_MOTORS,
+                };
+                self.schedule.ask(now, stop);
+            }
             _ => return telemetry(frame),
         }
         Ok(None)
@@ -216,7 +227,7 @@ fn telemetry(frame: &Frame<'_>) -> Result<Option<Telemetry>, DecodeError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Mode, Query, TICK, Version};
+    use crate::{Mode, Query, SetMotor, TICK, Version, order};
 
     /// The modes of a controller that has 40, on two pages, and gives its first answer about modes this late.
     fn modes(late: Duration) -> Vec<Mode> {
@@ -268,5 +279,60 @@ mod tests {
                 "{late_ms} ms late"
             );
         }
+    }
+
+    /// Whatever is asked within two seconds of opening the port of a controller with these features; `None`: it refuses to say.
+    fn written(features: Option<u32>) -> Vec<u8> {
+        let mut conversation = Conversation::new(Duration::ZERO);
+        let mut now = Duration::ZERO;
+        let mut written = Vec::new();
+        while now < Duration::from_secs(2) {
+            if let Some(write) = conversation.tick(now) {
+                write.encode(&mut written);
+                let Write::Request(query, version) = write else {
+                    continue;
+                };
+                let mut payload = Vec::new();
+                let is_asked = query.command == FeatureConfig::COMMAND;
+                if let Some(features) = features.filter(|_| is_asked) {
+                    payload = features.to_le_bytes().to_vec();
+                }
+                let direction = match is_asked && features.is_none() {
+                    true => Direction::Error,
+                    false => Direction::Reply,
+                };
+                conversation.take(
+                    now,
+                    &Frame {
+                        version,
+                        direction,
+                        command: query.command,
+                        flag: 0,
+                        payload: &payload,
+                    },
+                );
+            }
+            now += TICK;
+        }
+        assert!(conversation.identity().is_some());
+        written
+    }
+
+    fn count(written: &[u8], motors: &SetMotor) -> usize {
+        let mut bytes = Vec::new();
+        order(Version::V1, motors, &mut bytes).expect("it fits");
+        let windows = written.windows(bytes.len());
+        windows.filter(|it| *it == bytes).count()
+    }
+
+    #[test]
+    fn motors_are_told_to_stop_as_they_turn() {
+        let counts = |features| {
+            let written = written(features);
+            [SetMotor::STOP, SetMotor::STOP_REVERSIBLE].map(|it| count(&written, &it))
+        };
+        assert_eq!(counts(Some(FeatureConfig::GPS)), [1, 0]);
+        assert_eq!(counts(Some(FeatureConfig::REVERSIBLE)), [0, 1]);
+        assert_eq!(counts(None), [0, 0]);
     }
 }

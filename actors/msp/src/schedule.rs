@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use crate::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, Direction, FcVariant,
-    FcVersion, Frame, Message, Motor, MotorOutput, RawGps, Rc, SetMotor, SetRawRc, Sonar, Status,
-    Version, encode, order,
+    FcVersion, FeatureConfig, Frame, Message, Motor, MotorOutput, RawGps, Rc, SetMotor, SetRawRc,
+    Sonar, Status, Version, encode, order,
 };
 
 /// A controller reads about one command in this time (`serial_update_rate_hz`, 100 by default).
@@ -72,18 +72,27 @@ pub(crate) const FURTHER_BOXES: Query = Query {
     ..once::<BoxIds>()
 };
 
+/// Tells all motors this output: the payload.
+const fn motors(output: MotorOutput) -> [u8; 16] {
+    let [low, high] = output.us().to_le_bytes();
+    [
+        low, high, low, high, low, high, low, high, low, high, low, high, low, high, low, high,
+    ]
+}
+
 /// Stops the motors, which a controller turns for ever once it was told to. One that is armed takes no notice.
-const STOP_MOTORS: Query = Query {
-    payload: &{
-        let [low, high] = MotorOutput::STOPPED.us().to_le_bytes();
-        [
-            low, high, low, high, low, high, low, high, low, high, low, high, low, high, low, high,
-        ]
-    },
+pub(crate) const STOP_MOTORS: Query = Query {
+    payload: &motors(MotorOutput::STOPPED),
     ..once::<SetMotor>()
 };
 
-/// What a link asks: who the controller is, that no motor turns, then how it does. Fewer questions a second than the 50 ticks
+/// Stops motors that turn both ways (`feature 3D`). What stops others turns them backwards at full speed.
+pub(crate) const STOP_REVERSIBLE_MOTORS: Query = Query {
+    payload: &motors(MotorOutput::CENTRE),
+    ..once::<SetMotor>()
+};
+
+/// What a link asks: who the controller is, what stops its motors, then how it does. Fewer questions a second than the 50 ticks
 /// that RC leaves.
 pub const QUERIES: [Query; 15] = [
     once::<ApiVersion>(),
@@ -91,7 +100,7 @@ pub const QUERIES: [Query; 15] = [
     once::<FcVersion>(),
     once::<BoardInfo>(),
     once::<BoxIds>(),
-    STOP_MOTORS,
+    once::<FeatureConfig>(),
     every::<Status>(160),
     every::<Attitude>(80),
     every::<Altitude>(100),
@@ -274,12 +283,15 @@ impl Schedule {
         self.fresh_sticks(now).is_some()
     }
 
-    /// Whether the controller has answered, or refused, all that is asked once.
+    /// Whether the controller has answered, or refused, all that is asked once, but for what stops its motors.
     #[must_use]
     pub fn is_identified(&self) -> bool {
         let waiting = self.outstanding.iter().map(|it| it.due.query);
         let mut open = self.queries.iter().map(|it| it.query).chain(waiting);
-        open.all(|query| query.every.is_some())
+        open.all(|query| {
+            let is_about_motors = [FeatureConfig::COMMAND, SetMotor::COMMAND];
+            query.every.is_some() || is_about_motors.contains(&query.command)
+        })
     }
 
     /// Asks something besides.

@@ -43,6 +43,10 @@ const SHARE: (f64, f64) = (0.05, 1.0);
 
 /// Range of the share of bytes that are lost or altered.
 const BYTES: (f64, f64) = (0.001, 0.2);
+/// Range of the share of thrust that is lost. Of more than half of it no aircraft lands whole.
+const THRUST: (f64, f64) = (0.05, 0.6);
+/// Range of the vibration, in °/s: Betaflight's motors tremble beyond some 20.
+const SHAKE_DPS: (f64, f64) = (1.0, 25.0);
 /// Range of the voltage that a battery loses: a pack of four cells has 16.8 V.
 const SAG_V: (f64, f64) = (0.1, 4.0);
 
@@ -62,7 +66,7 @@ fn kinds_for<R: Rng>(plan: &Plan) -> impl Iterator<Item = Kind<R>> {
 }
 
 /// Faults of flight controllers.
-fn controller_kinds<R: Rng>() -> [Kind<R>; 7] {
+fn controller_kinds<R: Rng>() -> [Kind<R>; 9] {
     [
         ("freeze-controller", |it| {
             it.on_controller(ControllerFault::Freeze)
@@ -85,6 +89,16 @@ fn controller_kinds<R: Rng>() -> [Kind<R>; 7] {
         ("sag-battery", |it| {
             let volts = it.thousandths(SAG_V);
             it.on_controller(ControllerFault::SagBattery(volts))
+        }),
+        ("weaken-motor", |it| {
+            let share = it.thousandths(THRUST);
+            let motor = it.rng.random_ratio(1, 2);
+            let motor = motor.then(|| it.rng.random_range(1..=4));
+            it.on_controller(ControllerFault::WeakenMotor(motor, share))
+        }),
+        ("shake", |it| {
+            let dps = it.thousandths(SHAKE_DPS);
+            it.on_controller(ControllerFault::Shake(dps))
         }),
         ("take-over", |it| {
             it.on_controller(ControllerFault::TakeOver)

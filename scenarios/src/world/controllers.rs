@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use muster_controller::{Contact, Controller, Fault, PoseSensor, Sticks, Truth};
+use muster_controller::{Controller, Fault, PoseSensor, Sticks, Truth};
 use muster_machines::identity::NodeId;
 use muster_machines::msp::PortEvent;
 use muster_machines::msp::controller::Receiver;
@@ -183,7 +183,7 @@ impl Controllers {
         let truth = attached.exchange(now, state, tell);
         let is_news = truth.is_armed != attached.port.loss.was_armed;
         attached.port.look(now, &truth, state);
-        attached.wreck.look(truth.contact == Contact::Wreck);
+        attached.wreck.look(&truth);
         attached.fly_by_hand(now, &truth);
         let is_due = attached
             .looked_at
@@ -216,7 +216,8 @@ impl Controllers {
         Some(attached.series.clone())
     }
 
-    /// Whether a drone's controller has waited for RC for too long or was armed too early, or its aircraft has broken.
+    /// Whether a drone's controller has waited for RC for too long or was armed too early, or its aircraft has broken or lost its
+    /// motors in the air.
     pub(crate) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
         let attached = self.0.get(drone.0 as usize)?.as_ref()?;
         let port = attached.port.check(now, drone);

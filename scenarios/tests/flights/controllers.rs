@@ -150,6 +150,42 @@ fn drone_whose_aircraft_ignores_commands_lands_and_the_others_finish() {
 }
 
 #[test]
+fn an_aircraft_whose_thrust_comes_back_neither_climbs_away_nor_falls() {
+    let mut sweep = Sweep::default();
+    for receiver in ["vehicle.receiver=sole", "vehicle.receiver=override"] {
+        for at_s in [20, 30] {
+            for fault in sweep.of([
+                r#"kind = "weaken-motor", share = 0.25, for_s = 10"#,
+                r#"kind = "weaken-motor", share = 0.4, for_s = 3"#,
+                r#"kind = "weaken-motor", share = 0.5, for_s = 1.5"#,
+                r#"kind = "weaken-motor", share = 0.5, for_s = 6"#,
+                r#"kind = "sag-battery", volts = 3, for_s = 3"#,
+                r#"kind = "sag-battery", volts = 5, for_s = 3"#,
+                r#"kind = "sag-battery", volts = 6, for_s = 3"#,
+            ]) {
+                let faults = format!("faults=[{{ at_s = {at_s}, drone = 1, {fault} }}]");
+                let scenario = scenario("chaos-controllers.toml", &[receiver, &faults]);
+                let report = fly(&scenario, Engine::Events);
+                assert_eq!(report.violations, [], "{receiver}, {faults}");
+                assert!(report.simulated_s < 200.0, "{receiver}, {faults}");
+            }
+        }
+    }
+}
+
+#[test]
+fn heavy_aircraft_fly_the_mission() {
+    let mut sweep = Sweep::default();
+    for seed in sweep.of(1..=12) {
+        let seed = format!("seed={seed}");
+        let fields = [&*seed, "aircraft.payload_kg=0.15", "faults=[]"];
+        let report = fly(&scenario("chaos-controllers.toml", &fields), Engine::Events);
+        assert_eq!(report.violations, [], "{seed}");
+        assert_completed(&report, &seed);
+    }
+}
+
+#[test]
 fn a_drone_whose_pilot_takes_over_lands_for_the_swarm_and_the_others_finish() {
     for seed in SEEDS {
         let fault = r#"{ at_s = 30, kind = "take-over", drone = 1 }"#;

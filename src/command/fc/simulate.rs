@@ -8,6 +8,7 @@ use clap::Args;
 use muster_controller::{Config, Settings};
 use muster_deploy::controller::{LiveController, Server};
 use muster_machines::geodetic::Geodetic;
+use muster_machines::msp::controller::Receiver;
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::{controllers, scenario};
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
@@ -77,6 +78,11 @@ fn configure(arguments: &Arguments) -> Result<Config, BadInput> {
     };
     let scenario = scenario::load(path, &[])?;
     let plan = &scenario.plan;
+    if plan.receiver == Receiver::Override {
+        let message = "its pilots are not simulated here";
+        let help = "use `vehicle.receiver = \"sole\"`, or `muster swarm`, which simulates pilots";
+        return Err(BadInput::without_excerpt(path, message, help));
+    }
     let drones = plan.layout.formation().drones();
     let mut places = (0..drones).zip(plan.start_positions());
     let Some((_, place)) = places.find(|(id, _)| *id == drone) else {

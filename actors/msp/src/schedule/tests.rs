@@ -92,7 +92,8 @@ fn no_sticks_go_out_before_the_controller_has_said_who_it_is() {
     line.answers = true;
     let (rc, asked) = line.run(30, true);
     let first = rc.first().expect("it is known now");
-    assert!(line.schedule.is_identified() && asked.contains(&STOP_MOTORS));
+    let features = once::<FeatureConfig>();
+    assert!(line.schedule.is_identified() && asked.contains(&features));
     assert!(line.now - *first < 20 * TICK, "{first:?}");
 }
 
@@ -354,22 +355,4 @@ fn a_second_of_writing_fits_115200_baud() {
     let rc = 50 * (6 + 2 * crate::CHANNELS_MAX);
     let questions = 50 * 6;
     assert!((rc + questions) * 10 < 115_200 / 4);
-}
-
-#[test]
-fn motors_are_told_to_stop_whenever_the_port_is_opened() {
-    let mut stop = Vec::new();
-    order(Version::V1, &SetMotor::STOP, &mut stop).expect("it fits");
-    let mut line = Line::new();
-    for _ in 0..2 {
-        let (_, asked) = line.run(50, true);
-        let stops = asked.iter().filter(|it| it.command == SetMotor::COMMAND);
-        let written = stops.map(|query| {
-            let mut bytes = Vec::new();
-            Write::Request(*query, Version::V1).encode(&mut bytes);
-            bytes
-        });
-        assert_eq!(written.collect::<Vec<_>>(), [&stop[..]]);
-        line.schedule = Schedule::new(line.now);
-    }
 }

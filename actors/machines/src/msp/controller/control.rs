@@ -1,5 +1,7 @@
 //! From a reference to sticks: position → velocity → acceleration → attitude and throttle.
 
+use std::ops::RangeInclusive;
+
 use muster_msp::{Channel, StickResponse, Sticks};
 use nalgebra::{Vector2, Vector3};
 
@@ -19,11 +21,11 @@ const CORRECTION_MAX_MPS: f64 = 4.0;
 const INTEGRAL_MAX_MPS2: f64 = 3.0;
 /// Time constant of the wind that counts once the position is lost, in seconds.
 const STEADY_S: f64 = 15.0;
-/// Limits of the vertical acceleration beside what is integrated, in m/s².
+/// Largest vertical acceleration either way, beside what is integrated, in m/s².
 const CLIMB_MAX_MPS2: f64 = 4.0;
 
-/// The same, and the integrated one, of a vehicle whose thrust had no effect: three times its weight, which is nearly full
-/// throttle for one that hovered at half of it. Ours.
+/// Largest acceleration upwards, and largest integrated one, of a vehicle whose thrust had no effect, in m/s²: three times its
+/// weight, which is nearly full throttle for one that hovered at half of it. Ours.
 const WEAK_UP_MAX_MPS2: f64 = 20.0;
 
 /// Where a vehicle should be now.
@@ -81,17 +83,34 @@ impl Control {
         self.down_mps2 - self.integral.z
     }
 
+    /// The same, whether or not what is integrated is what the vehicle hovers with: the nearer to 0 of both.
+    pub(super) fn sure_down_mps2(&self) -> f64 {
+        let both = [self.down_mps2, self.expected_down_mps2()];
+        let (least, greatest) = (both[0].min(both[1]), both[0].max(both[1]));
+        0.0_f64.clamp(least, greatest)
+    }
+
     /// Thrust had no effect: what was asked for counts as learnt, and from now on as much is asked for as the motors have.
     pub(super) fn expect_little_thrust(&mut self) {
         self.is_weak = true;
-        self.integral.z = self.integral.z.min(self.down_mps2);
+        self.integral.z = self.integral.z.min(self.down_mps2.max(-WEAK_UP_MAX_MPS2));
     }
 
-    /// Largest acceleration upwards beside what is integrated, and largest integrated one, in m/s².
-    const fn up_max_mps2(&self) -> (f64, f64) {
+    /// Limits of the acceleration downwards, in m/s². What is integrated comes on top: a heavy vehicle needs it to hover. If it is
+    /// wrong, the limits still let the vehicle accelerate either way.
+    fn down_limits_mps2(&self) -> RangeInclusive<f64> {
+        let up_max = match self.is_weak {
+            true => WEAK_UP_MAX_MPS2,
+            false => CLIMB_MAX_MPS2 - self.integral.z.min(0.0),
+        };
+        -up_max..=CLIMB_MAX_MPS2 + self.integral.z.max(0.0)
+    }
+
+    /// Limits of the integrated acceleration downwards, in m/s².
+    const fn integral_limits_mps2(&self) -> RangeInclusive<f64> {
         match self.is_weak {
-            true => (WEAK_UP_MAX_MPS2, WEAK_UP_MAX_MPS2),
-            false => (CLIMB_MAX_MPS2, INTEGRAL_MAX_MPS2),
+            true => -WEAK_UP_MAX_MPS2..=INTEGRAL_MAX_MPS2,
+            false => -INTEGRAL_MAX_MPS2..=INTEGRAL_MAX_MPS2,
         }
     }
 
@@ -143,47 +162,35 @@ impl Control {
             gains.climb_integral_per_s2,
         );
         let drag = Vector3::new(reference.velocity.0.x, reference.velocity.0.y, 0.0);
-        let feedback =
-            reference.acceleration + drag * gains.drag_per_s + error.component_mul(&per_s);
-        let (mut acceleration, is_saturated) = self.limited(feedback);
-        self.down_mps2 = acceleration.z;
+        let asked = reference.acceleration
+            + drag * gains.drag_per_s
+            + error.component_mul(&per_s)
+            + self.integral;
+        let most = GRAVITY_MPS2 * libm::tan(gains.tilt_max_rad);
+        let mut level = asked.xy().cap_magnitude(most);
+        let is_level_beyond = level != asked.xy();
+        let down = within(&self.down_limits_mps2(), asked.z);
+        self.down_mps2 = down;
         let mut growth = error.component_mul(&per_s2) * seconds;
+        // Nothing that makes it ask for still more.
+        if (asked.z < down && growth.z < 0.0) || (asked.z > down && growth.z > 0.0) || is_blind {
+            growth.z = 0.0;
+        }
+        self.integral.z = within(&self.integral_limits_mps2(), self.integral.z + growth.z);
         if lean != Lean::Free {
-            let steady = match lean {
+            level = match lean {
                 Lean::Steady => self.steady,
                 Lean::Level | Lean::Free => Vector2::zeros(),
             };
-            (acceleration.x, acceleration.y) = (steady.x, steady.y);
-            (growth.x, growth.y) = (0.0, 0.0);
         } else {
             self.steady += (self.integral.xy() - self.steady) * (seconds / STEADY_S).min(1.0);
+            if !is_level_beyond {
+                let integral = self.integral.xy() + growth.xy();
+                let integral = integral.map(|it| it.clamp(-INTEGRAL_MAX_MPS2, INTEGRAL_MAX_MPS2));
+                (self.integral.x, self.integral.y) = (integral.x, integral.y);
+            }
         }
-        if is_blind {
-            growth.z = 0.0;
-        }
-        if !is_saturated {
-            let limit = INTEGRAL_MAX_MPS2;
-            let lowest = Vector3::new(-limit, -limit, -self.up_max_mps2().1);
-            self.integral = (self.integral + growth)
-                .sup(&lowest)
-                .map(|it| it.min(limit));
-        }
-        self.sticks(acceleration, tilt)
-    }
-
-    /// An acceleration and what is integrated, as far as tilt and climb allow; whether it was beyond. What is integrated is no
-    /// climb: a heavy vehicle needs it to hover.
-    fn limited(&self, feedback: Vector3<f64>) -> (Vector3<f64>, bool) {
-        let most = GRAVITY_MPS2 * libm::tan(self.gains.tilt_max_rad);
-        let asked = feedback.xy() + self.integral.xy();
-        let level = asked.cap_magnitude(most);
-        let climbs = -self.up_max_mps2().0..=CLIMB_MAX_MPS2;
-        let down = feedback.z.clamp(*climbs.start(), *climbs.end());
-        let is_beyond = level != asked || !climbs.contains(&feedback.z);
-        (
-            Vector3::new(level.x, level.y, down + self.integral.z),
-            is_beyond,
-        )
+        self.sticks(Vector3::new(level.x, level.y, down), tilt)
     }
 
     /// The attitude and the throttle of an acceleration, as sticks.
@@ -226,6 +233,10 @@ pub(super) fn deflection(tilt_rad: f64) -> f64 {
 fn throttle(hover: f64, up_mps2: f64, vertical_share: f64) -> f64 {
     let thrust = (GRAVITY_MPS2 + up_mps2) / GRAVITY_MPS2 / vertical_share.max(0.5);
     (hover * libm::sqrt(thrust.max(0.0))).clamp(THROTTLE_MIN, THROTTLE_MAX)
+}
+
+fn within(limits: &RangeInclusive<f64>, value: f64) -> f64 {
+    value.clamp(*limits.start(), *limits.end())
 }
 
 fn channel(us: f64) -> Channel {

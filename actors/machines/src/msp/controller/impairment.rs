@@ -16,14 +16,16 @@ const TILTED_FOR: Duration = Duration::from_millis(300);
 const TIPPED_FOR: Duration = Duration::from_secs(2);
 /// Upward acceleration that counts as asking for thrust, in m/s². Ours: almost the most that the control loops ask for.
 const THRUST_MPS2: f64 = 3.5;
-/// How long thrust is asked for: ArduPilot's `THRUST_LOSS_CHECK_TRIGGER_SEC`.
+/// How long thrust is asked for in the air: ArduPilot's `THRUST_LOSS_CHECK_TRIGGER_SEC`.
 const THRUST_FOR: Duration = Duration::from_secs(1);
+/// The same on the ground, where nothing falls. Ours: a heavy vehicle rises slowly, and its estimate follows later.
+const RISES_WITHIN: Duration = Duration::from_secs(3);
 /// Climb rate that it must gain meanwhile, in m/s. Ours: a seventh of what is asked for.
 const GAIN_MIN_MPS: f64 = 0.5;
 /// Sink rate beyond which thrust in flight had no effect, in m/s: ArduPilot's check needs a descent, too. A vehicle that holds
 /// its height in sinking air asks for as much thrust all the time.
 const SINKS_MPS: f64 = 0.5;
-/// Climb rate from which a vehicle rises off the ground, in m/s. A heavy one does so slowly. Ours: beyond the estimate's error.
+/// Climb rate from which a vehicle rises off the ground, in m/s. Ours: beyond the estimate's error.
 const RISES_MPS: f64 = 0.25;
 /// Output of a motor at its limit, in µs: 95 % of its range, where it has no share left to turn the aircraft with. Ours.
 const MOTOR_MAX_US: u16 = 1_950;
@@ -46,7 +48,7 @@ const LOW_READINGS: u8 = 2;
 pub(super) struct Response {
     /// Angle between its axis down and the world's, in radians.
     pub(super) tilt_rad: f64,
-    /// Upward acceleration that its sticks should give, in m/s².
+    /// Upward acceleration that its sticks give at least, in m/s².
     pub(super) up_mps2: f64,
     /// Its climb rate, in m/s.
     pub(super) climb_mps: f64,
@@ -137,14 +139,14 @@ impl Watch {
             return false;
         }
         let (since, climb_mps) = *self.thrust_since.get_or_insert((now, response.climb_mps));
-        if now.since(since) < THRUST_FOR {
+        let (lasts, expected_mps) = match response.is_in_air {
+            true => (THRUST_FOR, -SINKS_MPS),
+            false => (RISES_WITHIN, RISES_MPS),
+        };
+        if now.since(since) < lasts {
             return false;
         }
         self.thrust_since = None;
-        let expected_mps = match response.is_in_air {
-            true => -SINKS_MPS,
-            false => RISES_MPS,
-        };
         response.climb_mps < expected_mps && response.climb_mps - climb_mps < GAIN_MIN_MPS
     }
 }
@@ -247,7 +249,7 @@ mod tests {
         };
         assert_eq!(
             found(&mut Watch::default(), |_| stays_on_the_ground),
-            Some((1_000, thrust))
+            Some((3_000, thrust))
         );
         let rises_slowly = Response {
             climb_mps: 0.3,

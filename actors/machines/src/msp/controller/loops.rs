@@ -297,27 +297,25 @@ impl ControlLoops {
         let estimate = self.estimator.estimate().filter(|_| is_flown);
         let response = estimate.map(|estimate| Response {
             tilt_rad: libm::acos(self.estimator.tilt().vertical_share()),
-            up_mps2: -self.control.expected_down_mps2(),
+            up_mps2: -self.control.sure_down_mps2(),
             climb_mps: -estimate.velocity.0.z,
             is_in_air: self.lift == Lift::Left,
         });
         let Some(finding) = self.watch.look(now, response) else {
             return Remedy::default();
         };
-        let must_stop_motors = match finding {
-            Finding::Tipped => true,
-            Finding::Impaired(cause) => {
-                self.impaired.get_or_insert(cause);
-                let lacks_thrust = cause == LandingCause::Thrust;
-                if lacks_thrust && self.lift == Lift::Left {
-                    self.control.expect_little_thrust();
-                }
-                lacks_thrust && self.lift != Lift::Left
+        if let Finding::Impaired(cause) = finding {
+            self.impaired.get_or_insert(cause);
+            match estimate.filter(|_| cause == LandingCause::Thrust) {
+                Some(_) if self.lift == Lift::Left => self.control.expect_little_thrust(),
+                // Its reference has risen without it.
+                Some(estimate) => self.guidance.begin_anew(now, &estimate),
+                None => {}
             }
-        };
+        }
         Remedy {
             must_land: finding != Finding::Tipped,
-            must_stop_motors,
+            must_stop_motors: finding == Finding::Tipped,
         }
     }
 
@@ -331,7 +329,7 @@ impl ControlLoops {
         let estimate = self.estimator.estimate();
         let descent = estimate.filter(|_| self.guidance.is_landing());
         let descent = descent.map(|estimate| Descent {
-            down_mps2: self.control.expected_down_mps2(),
+            down_mps2: self.control.sure_down_mps2(),
             height_m: estimate.position.altitude_m(),
             height_age: self.estimator.height_age(now),
             is_expected: self.guidance.expects_ground(now),

@@ -19,7 +19,7 @@ const HEIGHT_AGE_MAX: Duration = Duration::from_millis(300);
 /// What is known of a vehicle that lands.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Descent {
-    /// The acceleration downwards that its sticks should give, in m/s².
+    /// The acceleration downwards that its sticks give at least, in m/s².
     pub(super) down_mps2: f64,
     /// Its height, in metres.
     pub(super) height_m: f64,
