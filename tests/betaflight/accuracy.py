@@ -72,12 +72,12 @@ def square(flight):
 
 
 def fly(command, figures):
-    """The figures of one flight; its output if it failed."""
+    """The figures of one flight, or what it printed if it failed."""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder) / "flight"
         done = subprocess.run([*command, "--out", folder], capture_output=True, text=True, timeout=300)
         if done.returncode != 0:
-            raise RuntimeError(f"{' '.join(map(str, command))} ends with {done.returncode}:\n{done.stdout}{done.stderr}")
+            return f"{' '.join(map(str, command))} ends with {done.returncode}:\n{done.stdout}{done.stderr}"
         return figures(rows(folder))
 
 
@@ -96,7 +96,7 @@ def main():
             commands = [[muster, *kind, "--seed", str(seed), *options] for seed in range(1, runs + 1)]
             flights = []
             for flown in pool.map(lambda command: fly(command, figures), commands):
-                flights.append(flown)
+                (failures if isinstance(flown, str) else flights).append(flown)
                 print(f"\r{flight}: {kind[0]} {len(flights)} of {runs}", end="\r", file=sys.stderr)
             each.append(flights)
         for name, limit in limits.items():

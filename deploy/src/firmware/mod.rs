@@ -75,9 +75,10 @@ impl Firmware {
     /// # Errors
     /// If the program doesn't start, refuses its settings or doesn't take RC.
     pub fn start(setup: Setup) -> io::Result<Self> {
-        let folder = tempfile::tempdir()?;
         let mut error = io::Error::other("it was not started");
         for _ in 0..STARTS_MAX {
+            // A new one each time: what a start that failed has saved may be half a file.
+            let folder = tempfile::tempdir()?;
             match Self::try_start(&setup, folder.path()) {
                 Ok((process, network)) => return Self::fly(setup, folder, process, network),
                 Err(again) => error = again,
