@@ -98,6 +98,8 @@ def main():
             for flown in pool.map(lambda command: fly(command, figures), commands):
                 (failures if isinstance(flown, str) else flights).append(flown)
                 print(f"\r{flight}: {kind[0]} {len(flights)} of {runs}", end="\r", file=sys.stderr)
+            if not flights:
+                sys.exit("\n".join(failures))
             each.append(flights)
         for name, limit in limits.items():
             cells = [f(one[name] for one in flights) for flights in each for f in (statistics.median, max)]

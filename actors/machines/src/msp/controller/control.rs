@@ -85,9 +85,8 @@ impl Control {
 
     /// The same, whether or not what is integrated is what the vehicle hovers with: the nearer to 0 of both.
     pub(super) fn sure_down_mps2(&self) -> f64 {
-        let both = [self.down_mps2, self.expected_down_mps2()];
-        let (least, greatest) = (both[0].min(both[1]), both[0].max(both[1]));
-        0.0_f64.clamp(least, greatest)
+        let (asked, expected) = (self.down_mps2, self.expected_down_mps2());
+        0.0_f64.clamp(asked.min(expected), asked.max(expected))
     }
 
     /// Thrust had no effect: what was asked for counts as learnt, and from now on as much is asked for as the motors have.
