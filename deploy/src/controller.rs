@@ -12,8 +12,8 @@ use muster_scenarios::controllers::FaultyController;
 use muster_scenarios::scenario::ControllerFault;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 
-use crate::PoseSource;
 use crate::pilot::LivePilot;
+use crate::{FlowSource, PoseSource};
 
 /// Longest time without a look at the line.
 const PAUSE: Duration = Duration::from_millis(100);
@@ -59,6 +59,15 @@ impl LiveController {
             let live = live.upgrade()?;
             Some(lock(&live).truth().position)
         })
+    }
+
+    /// Tells a drone how the ground moves beneath its aircraft, until it is dropped.
+    ///
+    /// # Errors
+    /// If the system starts no thread.
+    pub fn measure_flow(&self, source: FlowSource) -> io::Result<()> {
+        let live = Arc::downgrade(&self.0);
+        source.start(move || Some(lock(&*live.upgrade()?).truth()))
     }
 
     /// A pilot at its receiver, until it is dropped.

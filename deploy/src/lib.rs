@@ -4,6 +4,7 @@ pub mod campaign;
 pub mod controller;
 mod drone_file;
 pub mod firmware;
+mod flow;
 pub mod hosts;
 pub mod image;
 mod pilot;
@@ -15,4 +16,5 @@ pub mod rollout;
 pub mod status;
 pub mod swarm;
 
+pub use flow::FlowSource;
 pub use pose::PoseSource;

@@ -7,7 +7,7 @@ use muster_msp::{
     AdvancedConfig, Altitude, Analog, ApiVersion, ArmingConfig, Attitude, BatteryConfig,
     BatteryState, BoardInfo, BoxIds, BoxNames, CfSerialConfig, CompGps, Decode, Decoder, Encode,
     FRAME_MAX, FRAME_TIME_MAX, FailsafeConfig, FcVariant, FcVersion, FeatureConfig, ModeRanges,
-    Motor, Name, OpticFlow, PidAdvanced, REQUEST_MAX, RangefinderSample, RawGps, RawImu, Rc,
+    Motor, Name, OpticalFlow, PidAdvanced, REQUEST_MAX, RangefinderSample, RawGps, RawImu, Rc,
     RcTuning, Reboot, ReceivedMotors, ReceivedRc, RxConfig, RxFailConfig, RxMap, Sonar, Status,
     StatusEx, Uid, Version, encode, reply,
 };
@@ -89,7 +89,7 @@ fn read_payload(payload: &[u8]) {
         Sonar,
         ArmingConfig,
         RangefinderSample,
-        OpticFlow,
+        OpticalFlow,
         Reboot,
     );
 }

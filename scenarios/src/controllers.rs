@@ -1,9 +1,9 @@
 //! Simulated flight controllers of a scenario's drones, in a world or beside processes.
 
-use muster_controller::{Config, PoseErrors, Settings, Wind};
+use muster_controller::{Config, FlowErrors, PoseErrors, Settings, Wind};
 use muster_machines::geometry::Ned;
 use muster_machines::msp::controller::Receiver;
-use muster_runtime::plan::{PoseSensor, raw};
+use muster_runtime::plan::{FlowSensor, PoseSensor, raw};
 use nalgebra::Vector3;
 
 use crate::scenario::Scenario;
@@ -66,5 +66,15 @@ pub const fn pose_errors(sensor: PoseSensor) -> PoseErrors {
         period: sensor.period,
         delay: sensor.delay,
         outliers: sensor.outliers,
+    }
+}
+
+/// The errors of a plan's optical flow module.
+#[must_use]
+pub const fn flow_errors(sensor: FlowSensor) -> FlowErrors {
+    FlowErrors {
+        sigma_radps: sensor.sigma_radps,
+        range_max_m: sensor.range_max_m,
+        period: sensor.period,
     }
 }

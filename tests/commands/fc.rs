@@ -5,8 +5,11 @@ use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::Output;
 use std::thread;
+use std::time::Duration;
 
-use muster_msp::{Decoder, Direction, Frame, encode};
+use muster_msp::{
+    Decoder, Direction, Frame, OpticalFlow, RangefinderSample, Version, encode, order,
+};
 use serde_json::Value;
 
 /// Frames of Betaflight in a table of recordings.
@@ -135,6 +138,49 @@ fn watch_prints_a_line_a_second() {
     assert_eq!((code, rows.len()), (Some(0), 2));
     assert_eq!(rows[1]["state"], "open");
     assert!(rows[1]["frames_per_second"].as_u64().is_some());
+}
+
+/// The device of an optical flow module.
+fn module() -> String {
+    let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+    let device = format!("tcp:{}", listener.local_addr().unwrap());
+    let mut bytes = Vec::new();
+    let (quality, distance_mm) = (200, 1_250);
+    let range = RangefinderSample {
+        quality,
+        distance_mm,
+    };
+    let rates = OpticalFlow {
+        quality,
+        x_mradps: -120,
+        y_mradps: 340,
+    };
+    order(Version::V2, &range, &mut bytes).unwrap();
+    order(Version::V2, &rates, &mut bytes).unwrap();
+    thread::spawn(move || {
+        for mut line in listener.incoming().flatten() {
+            while line.write_all(&bytes).is_ok() {
+                thread::sleep(Duration::from_millis(20));
+            }
+        }
+    });
+    device
+}
+
+#[test]
+fn flow_shows_what_a_module_says() {
+    let (code, rows) = json(&["flow", &module(), "--seconds", "1"]);
+    assert_eq!((code, rows.len()), (Some(0), 1));
+    assert_eq!(rows[0]["x_radps"], -0.12);
+    assert_eq!(rows[0]["y_radps"], 0.34);
+    assert_eq!(rows[0]["distance_m"], 1.25);
+    assert_eq!(rows[0]["noise_bytes"], 0);
+    let shown = fc(&["flow", &module(), "--seconds", "1"]);
+    let shown = String::from_utf8(shown.stdout).unwrap();
+    let begins = "x -0.12 y +0.34 rad/s, quality 200 of 255; distance 1.25 m, quality 200 of 255; ";
+    assert!(shown.starts_with(begins), "{shown}");
+    let closed = fc(&["flow", "tcp:127.0.0.1:1"]);
+    assert_eq!(closed.status.code(), Some(1));
 }
 
 #[test]

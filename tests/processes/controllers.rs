@@ -153,6 +153,33 @@ fn serial_port_is_refused_in_the_stage_sim() {
     assert_refused(&mut fleet.command(0), expected);
 }
 
+#[test]
+fn an_optical_flow_module_must_be_in_the_scenario_and_on_this_host() {
+    let refused = |scenario: &[(&str, &str)], flow: &str, expected: &str| {
+        let (fleet, _receivers) = controlled(scenario, |_| Settings::fit());
+        let named = format!("{flow}receiver = ");
+        replace(&fleet.file(0), "receiver = ", &named);
+        assert_refused(&mut fleet.command(0), expected);
+    };
+    let module = [("[vehicle]", "[vehicle.flow]\n\n[vehicle]")];
+    refused(
+        &[],
+        "flow = \"tcp:127.0.0.1:9020\"\n",
+        "the scenario has no table `[vehicle.flow]`",
+    );
+    refused(&module, "", "so this needs `flow`");
+    refused(
+        &module,
+        "flow = \"tcp:192.0.2.1:9020\"\n",
+        "`flow` needs a serial device or an address of this host",
+    );
+    refused(
+        &module,
+        "flow = \"ttyUSB0\"\n",
+        "`flow` needs \"serial:/dev/ttyUSB0@115200\"",
+    );
+}
+
 /// Settings that no drone may fly, how its file names its receiver, and the rule that they break.
 fn unfit() -> [(Settings, &'static str, &'static str); 3] {
     let failsafe = FailsafeSettings {

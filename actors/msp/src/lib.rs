@@ -13,6 +13,7 @@ mod configuration;
 mod conversation;
 mod decoder;
 mod field;
+mod flow;
 mod frame;
 mod message;
 mod response;
@@ -27,6 +28,7 @@ pub use configuration::{Ask, Configuration, Identity, OverrideSettings, ask};
 pub use conversation::{Answer, BadAnswer, Conversation, Telemetry};
 pub use decoder::{Counts, Decoder, FRAME_TIME_MAX};
 pub use field::{Counted, Letters, Payload, ShortText, Text, Unused};
+pub use flow::FlowReading;
 pub use frame::{
     Direction, EncodeError, FRAME_MAX, Frame, PAYLOAD_MAX, REQUEST_MAX, Version, acknowledge,
     encode, order, refuse, reply, request,

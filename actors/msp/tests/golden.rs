@@ -6,7 +6,7 @@ use muster_msp::{
     AccCalibration, AdvancedConfig, Altitude, Analog, ApiVersion, ArmingConfig, Attitude,
     BatteryConfig, BatteryState, BoardInfo, BoxIds, BoxNames, CfSerialConfig, Channel, CompGps,
     Decode, Decoder, Direction, EepromWrite, Encode, FailsafeConfig, FcVariant, FcVersion,
-    FeatureConfig, Frame, Message, ModeRanges, Motor, MotorOutput, Name, OpticFlow, PidAdvanced,
+    FeatureConfig, Frame, Message, ModeRanges, Motor, MotorOutput, Name, OpticalFlow, PidAdvanced,
     RangefinderSample, RawGps, RawImu, Rc, RcTuning, Reboot, ReceivedMotors, ReceivedRc, RxConfig,
     RxFailConfig, RxMap, SetMotor, SetRawRc, Sonar, Status, StatusEx, Sticks, Uid, Version, encode,
     order, reply, request,
@@ -90,7 +90,7 @@ macro_rules! by_command {
 fn interpret(frame: Frame<'_>) -> Read {
     let to_controller = [
         RangefinderSample::COMMAND,
-        OpticFlow::COMMAND,
+        OpticalFlow::COMMAND,
         Reboot::COMMAND,
         EepromWrite::COMMAND,
         AccCalibration::COMMAND,
@@ -139,7 +139,7 @@ fn interpret(frame: Frame<'_>) -> Read {
         Sonar,
         ArmingConfig,
         RangefinderSample,
-        OpticFlow,
+        OpticalFlow,
         Reboot,
         EepromWrite,
         AccCalibration

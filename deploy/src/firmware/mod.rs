@@ -22,9 +22,9 @@ use muster_port::raise_priority;
 use tempfile::TempDir;
 
 use self::network::Network;
-use crate::PoseSource;
 use crate::controller::{lock, wait};
 use crate::pilot::LivePilot;
+use crate::{FlowSource, PoseSource};
 
 /// Where the firmware listens for MSP, in its network.
 const MSP: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 5761);
@@ -150,6 +150,15 @@ impl Firmware {
     #[must_use]
     pub fn truth(&self) -> Truth {
         *lock(&self.truth)
+    }
+
+    /// Tells a drone how the ground moves beneath its aircraft, until it is dropped.
+    ///
+    /// # Errors
+    /// If the system starts no thread.
+    pub(crate) fn measure_flow(&self, source: FlowSource) -> io::Result<()> {
+        let truth = Arc::downgrade(&self.truth);
+        source.start(move || Some(*lock(&*truth.upgrade()?)))
     }
 
     /// Carries bytes between the firmware and who connects to `listener`, one connection after the other, until it is

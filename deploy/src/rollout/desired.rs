@@ -148,6 +148,7 @@ fn add_drone(
         port: controller.map(|it| it.port.clone().into()),
         receiver: controller.map(|it| it.receiver.into()),
         pose: None,
+        flow: None,
         transport: fleet.transport.into(),
         journal: format!("{STATE}/journal-{id}").into(),
         flight: fleet.flight.clone(),

@@ -16,13 +16,13 @@ use muster_machines::time::Timestamp;
 use muster_port::raise_priority;
 use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
-use muster_scenarios::controllers::{LOOK_EVERY, config, pose_errors};
+use muster_scenarios::controllers::{LOOK_EVERY, config, flow_errors, pose_errors};
 use muster_scenarios::scenario::{ControllerFault, Scenario};
 
-use crate::PoseSource;
 use crate::controller::LiveController;
 use crate::firmware::{Firmware, Setup};
 use crate::pilot::LivePilot;
+use crate::{FlowSource, PoseSource};
 
 /// The ports of each drone's controller. Empty if vehicles are in closed form.
 pub(super) type Ports = BTreeMap<NodeId, Port>;
@@ -33,12 +33,27 @@ pub(super) struct Port {
     listener: TcpListener,
     /// Where the drone listens for poses. `None` if GPS tells where it is.
     pose: Option<SocketAddr>,
+    /// Where its optical flow module is. `None` without one.
+    flow: Option<TcpListener>,
+}
+
+/// Where a drone finds its controller and its sensors.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Addresses {
+    pub(super) controller: SocketAddr,
+    /// Where the drone listens for poses.
+    pub(super) pose: Option<SocketAddr>,
+    pub(super) flow: Option<SocketAddr>,
 }
 
 impl Port {
-    /// Where the drone connects to, and where it listens for poses.
-    pub(super) fn addresses(&self) -> io::Result<(SocketAddr, Option<SocketAddr>)> {
-        Ok((self.listener.local_addr()?, self.pose))
+    pub(super) fn addresses(&self) -> io::Result<Addresses> {
+        let flow = self.flow.as_ref().map(TcpListener::local_addr);
+        Ok(Addresses {
+            controller: self.listener.local_addr()?,
+            pose: self.pose,
+            flow: flow.transpose()?,
+        })
     }
 }
 
@@ -58,6 +73,7 @@ pub(super) fn open_ports(plan: &Plan) -> io::Result<Ports> {
         let port = Port {
             listener: TcpListener::bind(any)?,
             pose: pose.transpose()?,
+            flow: plan.flow.map(|_| TcpListener::bind(any)).transpose()?,
         };
         Ok((NodeId(id), port))
     };
@@ -88,6 +104,14 @@ impl Kind {
             seed,
             to,
         });
+        let flow = plan
+            .flow
+            .zip(port.flow)
+            .map(|(sensor, listener)| FlowSource {
+                errors: flow_errors(sensor),
+                seed,
+                listener,
+            });
         if let Some(program) = firmware {
             let firmware = Firmware::start(Setup {
                 program: program.to_owned(),
@@ -97,11 +121,17 @@ impl Kind {
                 pose,
             })?;
             firmware.listen(port.listener)?;
+            if let Some(source) = flow {
+                firmware.measure_flow(source)?;
+            }
             return Ok(Self::Firmware(firmware));
         }
         let controller = LiveController::start(config, seed);
         if let Some(source) = pose {
             controller.measure_pose(source)?;
+        }
+        if let Some(source) = flow {
+            controller.measure_flow(source)?;
         }
         let server = controller.server();
         let thread = thread::Builder::new().name(format!("controller-{id}"));

@@ -87,7 +87,8 @@ fn write_files(
         let own = PathBuf::from(format!("drone-{id}"));
         let [udp, quic] = tables(request.transport, network);
         let addresses = ports.get(&id).map(Port::addresses).transpose();
-        let (controller, pose) = addresses.map_err(SwarmError::Ports)?.unzip();
+        let addresses = addresses.map_err(SwarmError::Ports)?;
+        let controller = addresses.map(|it| it.controller);
         let vehicle = controller.map_or(VehicleName::ClosedForm, |_| VehicleName::Msp);
         let receiver = ReceiverName::from(request.scenario.plan.receiver);
         let file = DroneFile {
@@ -98,7 +99,8 @@ fn write_files(
             vehicle: vehicle.into(),
             port: controller.map(|address| format!("tcp:{address}").into()),
             receiver: controller.map(|_| receiver.into()),
-            pose: pose.flatten().map(Into::into),
+            pose: addresses.and_then(|it| it.pose).map(Into::into),
+            flow: (addresses.and_then(|it| it.flow)).map(|address| format!("tcp:{address}").into()),
             transport: request.transport.into(),
             journal: "journal".into(),
             flight: Or::default(),

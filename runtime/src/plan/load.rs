@@ -9,7 +9,7 @@ use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Barrier, Holds};
 use muster_machines::motion::Landing;
-use muster_machines::msp::controller::{Gains, Receiver};
+use muster_machines::msp::controller::{FlowModule, Gains, Receiver};
 use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
 use muster_machines::traffic;
@@ -24,7 +24,7 @@ use super::layering::{Headroom, assign_layers};
 use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
 use super::raw::{self, PolicyName, ProtocolKind, Raw, VehicleKindName};
 use super::separation::check_separation;
-use super::{Follow, Plan, PlanParts, PoseSensor, Protocol};
+use super::{FlowSensor, Follow, Plan, PlanParts, PoseSensor, Protocol};
 use crate::agents::{Agents, PlannedAgent};
 use crate::diagnostic::BadInput;
 use crate::mission_file::{self, Mission};
@@ -112,6 +112,7 @@ pub fn build_plan(
         receiver: receiver(source, raw)?,
         endurance: (raw.vehicle.endurance_s).map(|it| Duration::from_secs_f64(it.0)),
         pose: pose(source, raw)?,
+        flow: flow(source, raw)?,
         gains: gains(source, raw)?,
         alone: raw.failsafe.alone.into(),
         limits,
@@ -177,6 +178,25 @@ fn pose(source: &Source, raw: &Raw) -> Result<Option<PoseSensor>, BadInput> {
         period: Duration::from_millis(pose.period_ms.0),
         delay: Duration::from_millis(pose.delay_ms.0),
         outliers: pose.outliers.0,
+    }))
+}
+
+fn flow(source: &Source, raw: &Raw) -> Result<Option<FlowSensor>, BadInput> {
+    let Some(flow) = &raw.vehicle.flow else {
+        return Ok(None);
+    };
+    if VehicleKind::from(raw.vehicle.kind) != VehicleKind::Msp {
+        let message = "only a `vehicle.kind = \"msp\"` has an optical flow module";
+        return Err(source.error(flow.span(), message));
+    }
+    let flow = flow.get_ref();
+    Ok(Some(FlowSensor {
+        module: FlowModule {
+            level_floor: flow.level_floor,
+        },
+        sigma_radps: flow.sigma_radps.0,
+        range_max_m: flow.range_max_m.0,
+        period: Duration::from_millis(flow.period_ms.0),
     }))
 }
 

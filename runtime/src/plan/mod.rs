@@ -24,7 +24,7 @@ use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{Alone, Barrier, Conduct, Following, Holds, Liveness, Succession};
 use muster_machines::motion::Landing;
-use muster_machines::msp::controller::{self, PlaceSensor, Receiver, Stage};
+use muster_machines::msp::controller::{self, FlowModule, PlaceSensor, Receiver, Stage};
 use muster_machines::msp::{AutopilotLink, ControllerLink, autopilot};
 use muster_machines::node::{Blueprint, LinkBuilder};
 use muster_machines::radio::{self, Budget, IdealAuthenticator, Incarnations};
@@ -106,6 +106,8 @@ pub struct PlanParts {
     pub endurance: Option<Duration>,
     /// What measures where a vehicle with a flight controller is. `None`: GPS.
     pub pose: Option<PoseSensor>,
+    /// What measures its velocity over ground. `None`: nothing.
+    pub flow: Option<FlowSensor>,
     /// Gains of the flight by sticks.
     pub gains: controller::Gains,
     /// What a drone in the air does when it receives no other drone.
@@ -116,6 +118,19 @@ pub struct PlanParts {
     pub fence: Vec<String>,
     /// What the swarm does not do of what the mission file asks for.
     pub notes: Vec<String>,
+}
+
+/// An optical flow module beside the flight controller.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct FlowSensor {
+    /// What the drone does with it.
+    pub module: FlowModule,
+    /// Standard deviation of a simulated one's rates about each axis, in rad/s.
+    pub sigma_radps: f64,
+    /// Greatest distance to the ground that a simulated one measures, in metres.
+    pub range_max_m: f64,
+    /// From one measurement of a simulated one to the next.
+    pub period: Duration,
 }
 
 /// A sensor beside the flight controller that measures where the vehicle is.
@@ -347,6 +362,7 @@ impl Plan {
             home: self.home,
             landing: self.landing,
             place: self.pose.map_or(PlaceSensor::Gps, |_| PlaceSensor::Pose),
+            flow: self.flow.map(|it| it.module),
             noise: controller::Noise::GPS,
             gains: self.gains,
         };

@@ -134,6 +134,7 @@ fn unit(path: &str) -> Option<&'static str> {
         ("_mps2", "m/s²"),
         ("_mps", "m/s"),
         ("_dps", "°/s"),
+        ("_radps", "rad/s"),
         ("_ms", "milliseconds"),
         ("_us", "microseconds"),
         ("_s", "seconds"),

@@ -9,6 +9,7 @@ mod battery;
 mod body;
 mod controller;
 mod firmware;
+mod flow;
 mod ground;
 mod in_loop;
 mod noise;
@@ -25,6 +26,7 @@ pub use firmware::settings::{
     CHANNELS, CellLimits, FailsafeSettings, Gains, ModeRange, Procedure, ReceiverMode, RxFail,
     Settings, Tuning, Version,
 };
+pub use flow::{FlowErrors, FlowSensor};
 pub use ground::{Contact, Landing};
 pub use in_loop::{InLoop, MOTORS_BYTES, STATE_BYTES};
 pub use pose::{PoseErrors, PoseSensor};

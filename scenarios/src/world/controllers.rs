@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use muster_controller::{Controller, Fault, PoseSensor, Sticks, Truth};
+use muster_controller::{Controller, Fault, FlowSensor, PoseSensor, Sticks, Truth};
 use muster_machines::identity::NodeId;
 use muster_machines::msp::PortEvent;
 use muster_machines::msp::controller::Receiver;
@@ -16,7 +16,7 @@ use super::faulty::FaultyController;
 use super::pilot::Pilot;
 use super::port::{Port, PortFigures, PortState};
 use crate::checkers::{Violation, Wrecks};
-use crate::controllers::{config, pose_errors};
+use crate::controllers::{config, flow_errors, pose_errors};
 use crate::report::ControlSeries;
 use crate::scenario::{ControllerFault, Scenario};
 
@@ -32,6 +32,7 @@ struct Attached {
     pilot: Option<Pilot>,
     /// Measures where the aircraft is. `None` if GPS does.
     pose: Option<PoseSensor>,
+    flow: Option<FlowSensor>,
     looked_at: Option<Timestamp>,
     wreck: Wrecks,
     series: ControlSeries,
@@ -57,12 +58,14 @@ impl Controllers {
                 let config = config(scenario, place);
                 let seed = sensors.next_u64();
                 let pose = plan.pose.map(pose_errors);
+                let flow = plan.flow.map(flow_errors);
                 Attached {
                     faulty: FaultyController::new(
                         Controller::new(config, seed, Timestamp::ZERO),
                         lines.next_u64(),
                     ),
                     pose: pose.map(|errors| PoseSensor::new(errors, seed, Timestamp::ZERO)),
+                    flow: flow.map(|errors| FlowSensor::new(errors, seed, Timestamp::ZERO)),
                     port: Port::new(),
                     pilot: (plan.receiver == Receiver::Override).then(Pilot::default),
                     looked_at: None,
@@ -247,6 +250,7 @@ impl Attached {
             let is_open = !self.faulty.is_closed(now);
             written = self.port.tick(now, is_open, &received, &mut tell);
             self.measure_pose(now, &mut tell);
+            self.measure_flow(now, &mut tell);
         }
         let arrived = self.faulty.line.carry_out(now, written);
         if !arrived.is_empty() {
@@ -262,6 +266,16 @@ impl Attached {
             while let Some(pose) = sensor.arrived(now) {
                 self.port.loss.height_at = now;
                 tell(PortEvent::Pose(pose));
+            }
+        }
+    }
+
+    fn measure_flow(&mut self, now: Timestamp, tell: &mut impl FnMut(PortEvent)) {
+        if let Some(sensor) = &mut self.flow {
+            let truth = self.faulty.controller.aircraft(now);
+            let readings = sensor.measure(now, &truth);
+            for reading in readings.into_iter().flatten() {
+                tell(PortEvent::Flow(reading));
             }
         }
     }

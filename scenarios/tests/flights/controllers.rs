@@ -311,3 +311,22 @@ fn an_aircraft_that_begins_its_landing_anew_near_the_ground_goes_on_down() {
     let report = fly(&scenario, Engine::Events);
     assert_eq!(report.violations, []);
 }
+
+/// In gusts a drone without positions is carried away by metres; with an optical flow module it stays where it is.
+#[test]
+fn a_drone_with_an_optical_flow_module_stays_where_it_is_while_its_position_is_lost() {
+    let gusts = ["aircraft.gusts_mps=1", "aircraft.wind_north_mps=4"];
+    let mut sweep = Sweep::default();
+    for seed in sweep.of(1..=20) {
+        let seed = format!("seed={seed}");
+        let [north, gust] = gusts;
+        let scenario = scenario("optical-flow.toml", &[&seed, north, gust]);
+        let report = fly(&scenario, Engine::Events);
+        assert_eq!(report.violations, [], "{seed}");
+        assert_completed(&report, &seed);
+    }
+    let scenario = scenario("optical-flow.toml", &[]);
+    let events = fly(&scenario, Engine::Events);
+    let actors = fly(&scenario, Engine::Actors);
+    assert_eq!(events.trace, actors.trace, "the engines disagree");
+}

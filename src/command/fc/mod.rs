@@ -1,6 +1,7 @@
 //! What a flight controller on the desk is, says and is fit for.
 
 mod check;
+mod flow;
 mod probe;
 mod simulate;
 mod tune;
@@ -27,6 +28,7 @@ use super::{Failure, Outcome};
 #[command(after_help = "Examples:
   muster fc probe /dev/ttyACM0
   muster fc watch tcp:127.0.0.1:5761
+  muster fc flow /dev/ttyUSB0
   muster fc check /dev/ttyACM0 --receiver override --cli")]
 pub(crate) struct Arguments {
     #[command(subcommand)]
@@ -37,6 +39,7 @@ pub(crate) struct Arguments {
 enum Action {
     Probe(probe::Arguments),
     Watch(watch::Arguments),
+    Flow(flow::Arguments),
     Check(check::Arguments),
     Simulate(simulate::Arguments),
     Tune(tune::Arguments),
@@ -62,6 +65,12 @@ pub(super) fn address(text: &str) -> Result<Address, BadAddress> {
 pub(crate) enum ControllerError {
     #[error("can't open {address}")]
     Open {
+        address: Address,
+        #[source]
+        source: std::io::Error,
+    },
+    #[error("the port {address} failed")]
+    Read {
         address: Address,
         #[source]
         source: std::io::Error,
@@ -96,6 +105,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     match &arguments.action {
         Action::Probe(arguments) => probe::run(arguments),
         Action::Watch(arguments) => watch::run(arguments),
+        Action::Flow(arguments) => flow::run(arguments),
         Action::Check(arguments) => check::run(arguments),
         Action::Simulate(arguments) => simulate::run(arguments),
         Action::Tune(arguments) => tune::run(arguments),

@@ -36,7 +36,10 @@ impl Introduction {
                 self.statuses.rotate_left(1);
                 self.statuses[1] = Some((now, status.clone()));
             }
-            PortEvent::Told(_) | PortEvent::Pose(_) | PortEvent::Autopilot(_) => {}
+            PortEvent::Told(_)
+            | PortEvent::Pose(_)
+            | PortEvent::Flow(_)
+            | PortEvent::Autopilot(_) => {}
         }
     }
 

@@ -23,7 +23,7 @@ pub use receiver::{
     ArmingConfig, FailsafeConfig, FailsafeProcedure, FailsafeSwitch, FeatureConfig, RxConfig,
     RxFail, RxFailConfig, RxFailMode, RxMap,
 };
-pub use sensors::{Altitude, Attitude, OpticFlow, RangefinderSample, RawImu, Sonar};
+pub use sensors::{Altitude, Attitude, OpticalFlow, RangefinderSample, RawImu, Sonar};
 pub use serial::{CfSerialConfig, SerialPort};
 pub use status::{ArmingFlags, Sensors, Status, StatusEx, StatusFlags, StatusHead};
 

@@ -45,7 +45,7 @@ message! {
 }
 
 message! {
-    /// To the controller: a rangefinder's measurement.
+    /// From a rangefinder that sends MSP by itself, to a controller or to us.
     RangefinderSample = 0x1f01 as "MSP2_SENSOR_RANGEFINDER_LIDARMT" {
         /// 0 to 255.
         quality: u8,
@@ -55,8 +55,10 @@ message! {
 }
 
 message! {
-    /// To the controller: an optic flow sensor's measurement.
-    OpticFlow = 0x1f02 as "MSP2_SENSOR_OPTICALFLOW_MT" {
+    /// From an optical flow module that sends MSP by itself, to a controller or to us: how the ground turns beneath it. A turn of
+    /// the module about +x shows as positive x, about +y as positive y; motion to the right (+y) as negative x, forward (+x) as
+    /// positive y (as MAVLink's `OPTICAL_FLOW_RAD`).
+    OpticalFlow = 0x1f02 as "MSP2_SENSOR_OPTICALFLOW_MT" {
         /// 0 to 255.
         quality: u8,
         /// Rate about x, in 0.001 rad/s.

@@ -18,7 +18,7 @@ impl Sensors {
             "GPS",
             "rangefinder",
             "gyroscope",
-            "optic flow",
+            "optical flow",
         ];
         (0..)
             .zip(NAMES)

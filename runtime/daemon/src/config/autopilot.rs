@@ -29,8 +29,9 @@ pub(super) fn of(file: &TomlFile<DroneFile>) -> Result<Option<AutopilotConfig>, 
         }
     };
     let receiver = raw.receiver.as_ref().map(Located::span);
-    if let Some(span) = receiver.or(raw.pose.as_ref().map(Located::span)) {
-        let message = "only a `vehicle = \"msp\"` has a receiver and a pose";
+    if let Some(span) = receiver.or(raw.sensor_span()) {
+        let message =
+            "only a `vehicle = \"msp\"` has a receiver, a pose and an optical flow module";
         return Err(file.error(span, message));
     }
     let Some(port) = &raw.port else {

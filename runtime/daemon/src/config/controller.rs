@@ -27,6 +27,8 @@ pub(crate) struct ControllerConfig {
     pub(crate) receiver: Receiver,
     /// Where poses arrive. `None` if GPS tells where the vehicle is.
     pub(crate) pose: Option<SocketAddr>,
+    /// Where an optical flow module is. `None` without one.
+    pub(crate) flow: Option<Address>,
     /// What must be earned. `None` up to the stage `bench`.
     pub(crate) permission: Option<Permission>,
 }
@@ -60,11 +62,10 @@ impl File {
         if *vehicle.get_ref() == VehicleName::ClosedForm {
             let port = raw.port.as_ref().map(Located::span);
             let receiver = raw.receiver.as_ref().map(Located::span);
-            let pose = raw.pose.as_ref().map(Located::span);
-            return match port.or(receiver).or(pose) {
+            return match port.or(receiver).or(raw.sensor_span()) {
                 Some(span) => refuse(
                     span,
-                    "only a `vehicle = \"msp\"` has a port, a receiver and a pose",
+                    "only a `vehicle = \"msp\"` has a port, a receiver, a pose and an optical flow module",
                 ),
                 None => Ok(None),
             };
@@ -95,6 +96,7 @@ impl File {
         Ok(Some(ControllerConfig {
             permission: self.permission(receiver)?,
             pose: raw.pose.as_ref().map(|it| *it.get_ref()),
+            flow: self.flow()?,
             port: address,
             stage,
             receiver: match receiver.get_ref() {
@@ -102,6 +104,22 @@ impl File {
                 ReceiverName::Override => Receiver::Override,
             },
         }))
+    }
+
+    /// The port of the optical flow module, if the drone has one.
+    fn flow(&self) -> Result<Option<Address>, BadInput> {
+        let Some(flow) = &self.0.raw.flow else {
+            return Ok(None);
+        };
+        let address: Address = (flow.get_ref().parse()).map_err(|_| {
+            let message = "`flow` needs \"serial:/dev/ttyUSB0@115200\" or \"tcp:127.0.0.1:9020\"";
+            self.0.error(flow.span(), message)
+        })?;
+        if !address.is_on_this_host() {
+            let message = "`flow` needs a serial device or an address of this host: who reaches it says how the drone moves";
+            return Err(self.0.error(flow.span(), message));
+        }
+        Ok(Some(address))
     }
 
     /// The grant that the stage needs, if it needs one. In the stage `bench` a grant is looked at if there is one.

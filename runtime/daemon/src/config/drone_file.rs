@@ -1,6 +1,7 @@
 //! The fields of a drone's file. As for scenario files, this is their only declaration: for who reads it and for who writes it.
 
 use std::net::{SocketAddr, SocketAddrV4};
+use std::ops::Range;
 use std::path::PathBuf;
 
 use muster_machines::msp::controller::Receiver;
@@ -45,6 +46,12 @@ pub struct DroneFile {
         "x-accepted" = "a loopback address and a fixed port, for example \"127.0.0.1:9010\""
     ))]
     pub pose: Option<Located<SocketAddr>>,
+    /// Where the optical flow module is, which speaks MSP by itself (as `MSP2_SENSOR_OPTICALFLOW_MT`), mounted with its x axis
+    /// forward and its y axis to the right; required if the scenario has a table `[vehicle.flow]`, else refused.
+    #[schemars(extend(
+        "x-accepted" = "a serial device as \"serial:/dev/ttyUSB0@115200\", or \"tcp:HOST:PORT\" with an address of this host"
+    ))]
+    pub flow: Option<Located<String>>,
     /// How frames are sent. Each transport has a table of its name; the other table is ignored.
     pub transport: Located<TransportName>,
     /// Folder with the journal and the files of the current flight; created if missing.
@@ -77,6 +84,12 @@ impl DroneFile {
     #[must_use]
     pub fn to_toml(&self) -> String {
         toml::to_string(self).expect("numbers, names, addresses and paths have a form in TOML")
+    }
+
+    /// Where it names a sensor beside a flight controller. `None` if it names none.
+    pub(super) fn sensor_span(&self) -> Option<Range<usize>> {
+        let pose = self.pose.as_ref().map(Located::span);
+        pose.or(self.flow.as_ref().map(Located::span))
     }
 }
 

@@ -295,6 +295,17 @@ impl File {
             }
             _ => {}
         }
+        match (&raw.flow, &plan.flow) {
+            (Some(flow), None) => {
+                let message = "the scenario has no table `[vehicle.flow]`, so the drone has no optical flow module";
+                return Err(self.0.error(flow.span(), message));
+            }
+            (None, Some(_)) if *raw.vehicle.get_ref() == VehicleName::Msp => {
+                let message = "the scenario has a table `[vehicle.flow]`, so this needs `flow`, the port of an optical flow module";
+                return Err(self.0.error(raw.vehicle.span(), message));
+            }
+            _ => {}
+        }
         if plan.is_steered() {
             let message =
                 "the scenario needs a simulated pilot or operator, which `musterd` does not have";

@@ -11,7 +11,7 @@ use muster_machines::msp::{FlightCommand, Introduction, PortEvent, Telemetry};
 use muster_machines::time::Timestamp;
 use muster_msp::SetRawRc;
 use muster_msp::check::{Finding, ReceiverMode};
-use muster_port::{Event, Link};
+use muster_port::{Event, Link, listen_flow};
 use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use tokio::sync::mpsc;
 
@@ -234,6 +234,17 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
     let (sender, events) = mpsc::channel(EVENTS_MAX);
     if let Some(address) = config.pose {
         pose::listen(address, sender.clone())?;
+    }
+    if let Some(address) = &config.flow {
+        let readings = sender.clone();
+        let take = move |reading| {
+            // While the link is behind, a measurement is dropped: the next one is newer.
+            drop(readings.try_send(PortEvent::Flow(reading)));
+            !readings.is_closed()
+        };
+        listen_flow(address.clone(), take, |error| {
+            tracing::warn!(%error, "the port of the optical flow module is closed");
+        })?;
     }
     let source = Arc::downgrade(&port);
     let mut checker = Checker::new(config.permission.clone());

@@ -33,7 +33,7 @@ pub use self::numbers::{
     Share, Sigma, Throttle, TurnRate, Velocity, Volts, Wear, Whole, Wind,
 };
 pub(super) use self::reference::reference;
-pub use self::vehicle::{Aircraft, Gains, PoseSensor, Vehicle};
+pub use self::vehicle::{Aircraft, FlowSensor, Gains, PoseSensor, Vehicle};
 use crate::schema::{Located, Or};
 
 #[derive(Debug, Deserialize, JsonSchema)]

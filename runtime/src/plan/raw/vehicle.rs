@@ -47,6 +47,9 @@ pub struct Vehicle {
     /// A sensor beside the flight controller measures where the vehicle is, as motion capture does. Without this table GPS
     /// does. Only with `vehicle.kind = "msp"`.
     pub pose: Option<Located<PoseSensor>>,
+    /// An optical flow module beside the flight controller looks down and measures velocity over ground. A position that is lost
+    /// stays known by it for a while. Only with `vehicle.kind = "msp"`.
+    pub flow: Option<Located<FlowSensor>>,
     /// Gains of the flight by sticks, as `muster fc tune` prints them. Only with `vehicle.kind = "msp"`.
     pub gains: Option<Located<Gains>>,
 }
@@ -100,6 +103,24 @@ pub struct PoseSensor {
     /// Share of measurements that are wrong by up to 5 m on each axis.
     #[serde(default)]
     pub outliers: Or<Share, 0>,
+}
+
+/// An optical flow module with a range sensor, by default much like those of the PAW3902 class.
+#[derive(Debug, Default, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, expecting = "a table, `[vehicle.flow]`")]
+pub struct FlowSensor {
+    /// Standard deviation of a simulated module's rates about each axis.
+    #[serde(default)]
+    pub sigma_radps: Or<Sigma, 5, 100>,
+    /// Greatest distance to the ground that a simulated module measures.
+    #[serde(default)]
+    pub range_max_m: Or<Height, 8>,
+    /// From one measurement of a simulated module to the next.
+    #[serde(default)]
+    pub period_ms: Or<Whole<10, 1_000>, 20>,
+    /// Whether the floor is level wherever the drones fly, so that the distance to it tells their height.
+    #[serde(default)]
+    pub level_floor: bool,
 }
 
 impl From<&Gains> for controller::Gains {

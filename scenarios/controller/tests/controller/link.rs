@@ -63,6 +63,7 @@ impl Flown {
                 acceleration_mps2: 1.0,
             },
             place: PlaceSensor::Gps,
+            flow: None,
             noise: Noise::GPS,
             gains: Gains::QUADCOPTER,
         };

@@ -37,6 +37,13 @@ pub enum PlaceSensor {
     Pose,
 }
 
+/// An optical flow module that looks down, its x axis forward and its y axis to the right.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct FlowModule {
+    /// Whether the floor is level wherever the vehicle flies, so that the distance to it tells the height.
+    pub level_floor: bool,
+}
+
 /// Standard deviations and delays of a vehicle's sensors.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Noise {
@@ -123,6 +130,8 @@ pub struct Config {
     pub landing: Landing,
     /// What measures where the vehicle is.
     pub place: PlaceSensor,
+    /// What measures its velocity over ground beside it. `None` without a module; then its measurements are ignored.
+    pub flow: Option<FlowModule>,
     /// Sensors.
     pub noise: Noise,
     /// Flight by sticks.

@@ -94,9 +94,14 @@ impl Watch {
         let before = self.outputs_us.replace(outputs_us);
         let trembles = before.is_some_and(|before| change_us(before, outputs_us) > TREMBLE_US);
         self.trembling_looks = match trembles {
-            true => self.trembling_looks.saturating_add(1),
+            true => (self.trembling_looks + 1).min(2 * TREMBLING_LOOKS),
             false => self.trembling_looks.saturating_sub(1),
         };
+    }
+
+    /// Whether its motors tremble: it is shaken.
+    pub(super) const fn is_shaken(&self) -> bool {
+        self.trembling_looks >= TREMBLING_LOOKS
     }
 
     /// Takes in a state of the battery.
@@ -121,8 +126,7 @@ impl Watch {
             LandingCause::Tilt
         } else if has_no_thrust {
             LandingCause::Thrust
-        } else if self.saturated_looks >= SATURATED_LOOKS || self.trembling_looks >= TREMBLING_LOOKS
-        {
+        } else if self.saturated_looks >= SATURATED_LOOKS || self.is_shaken() {
             LandingCause::Motors
         } else if self.low_readings >= LOW_READINGS {
             LandingCause::Volts

@@ -333,6 +333,7 @@ impl ControlLoops {
             height_m: estimate.position.altitude_m(),
             height_age: self.estimator.height_age(now),
             is_expected: self.guidance.expects_ground(now),
+            is_shaken: self.watch.is_shaken(),
         });
         self.touchdown.look(now, descent)
     }

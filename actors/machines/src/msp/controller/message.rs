@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use muster_msp::{Identity, Telemetry as Told};
+use muster_msp::{FlowReading, Identity, Telemetry as Told};
 
 use super::config::Stage;
 use crate::geometry::Ned;
@@ -24,6 +24,8 @@ pub enum PortEvent {
     Told(Told),
     /// A sensor beside the controller measured where the vehicle is.
     Pose(Pose),
+    /// An optical flow module beside the controller measured something.
+    Flow(FlowReading),
     /// An autopilot told something.
     Autopilot(autopilot::Told),
 }

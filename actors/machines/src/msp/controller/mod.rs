@@ -27,7 +27,7 @@ use self::authority::Authority;
 pub use self::authority::{ACKNOWLEDGED_MIN, Handover, LOST_AFTER, Taken, UNTOLD_AFTER};
 use self::battery::Gauge;
 pub use self::checkpoint::Flight;
-pub use self::config::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
+pub use self::config::{Config, FlowModule, Gains, Noise, PlaceSensor, Receiver, Stage};
 pub use self::estimator::fix_place;
 use self::gate::Gate;
 pub use self::loops::HEIGHT_LOST_AFTER;
@@ -142,6 +142,10 @@ impl ControllerLink {
                 self.loops.estimator.predict(now);
                 self.loops.estimator.measure_pose(now, &pose);
             }
+            PortEvent::Flow(reading) => {
+                self.loops.estimator.predict(now);
+                self.loops.estimator.measure_flow(now, &reading);
+            }
             PortEvent::Told(told) => {
                 self.loops.estimator.predict(now);
                 if !matches!(told, Told::Acknowledged(_)) {
@@ -208,7 +212,7 @@ impl ControllerLink {
         if reported.armed && !self.arming.has_flown() {
             self.loops.arm(is_first);
         }
-        self.loops.estimator.stand(!reported.armed);
+        self.loops.estimator.stand(now, !reported.armed);
         self.authority.take(now, reported);
         self.deadline.get_or_insert(now + PERIOD);
         self.step(now);

@@ -35,6 +35,7 @@ fn staged(stage: Stage, receiver: Receiver) -> Config {
             acceleration_mps2: 1.0,
         },
         place: PlaceSensor::Gps,
+        flow: None,
         noise: Noise::GPS,
         gains: Gains::QUADCOPTER,
     }

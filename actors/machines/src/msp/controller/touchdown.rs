@@ -13,6 +13,9 @@ const PRESSED_MPS2: f64 = 3.5;
 const EXPECTED_FOR: Duration = Duration::from_millis(700);
 /// The same above or below: the ground is not level.
 const ELSEWHERE_FOR: Duration = Duration::from_secs(2);
+/// The same anywhere, of a vehicle that is shaken: vibration makes a controller turn its motors faster than the throttle says, so
+/// that one in the air may sink slowly, or not at all. It is as still as this only if its thrust is its weight to 0.5 %. Ours.
+const SHAKEN_FOR: Duration = Duration::from_secs(10);
 /// Age of the newest height up to which it says that the vehicle is still.
 const HEIGHT_AGE_MAX: Duration = Duration::from_millis(300);
 
@@ -27,6 +30,8 @@ pub(super) struct Descent {
     pub(super) height_age: Duration,
     /// Whether its reference has come to the ground.
     pub(super) is_expected: bool,
+    /// Whether its motors tremble.
+    pub(super) is_shaken: bool,
 }
 
 /// Looks for the ground: the vehicle is to go down, and doesn't.
@@ -35,6 +40,7 @@ pub(super) struct Touchdown {
     /// Since when it has been still where the ground should be, or now; and at which height it has been still.
     still: Option<(Timestamp, f64)>,
     pressed_since: Option<Timestamp>,
+    is_shaken: bool,
 }
 
 impl Touchdown {
@@ -54,6 +60,9 @@ impl Touchdown {
             *self = Self::default();
             return false;
         };
+        if std::mem::replace(&mut self.is_shaken, descent.is_shaken) != descent.is_shaken {
+            self.pressed_since = None;
+        }
         let is_near = |height_m: f64| (height_m - descent.height_m).abs() < STILL_M;
         match self.still.filter(|&(_, height_m)| is_near(height_m)) {
             Some((_, height_m)) if !descent.is_expected => self.still = Some((now, height_m)),
@@ -67,9 +76,10 @@ impl Touchdown {
             self.pressed_since = None;
             return false;
         }
-        let lasts = match descent.is_expected {
-            true => EXPECTED_FOR,
-            false => ELSEWHERE_FOR,
+        let lasts = match (descent.is_shaken, descent.is_expected) {
+            (true, _) => SHAKEN_FOR,
+            (false, true) => EXPECTED_FOR,
+            (false, false) => ELSEWHERE_FOR,
         };
         now.since(*self.pressed_since.get_or_insert(now)) >= lasts
     }
@@ -84,6 +94,7 @@ mod tests {
         height_m: 0.1,
         height_age: Duration::from_millis(100),
         is_expected: true,
+        is_shaken: false,
     };
 
     /// Milliseconds until the ground is found; `None` within 5 s.
@@ -108,6 +119,38 @@ mod tests {
             ..STANDING
         };
         assert_eq!(found_after(seems_to_move), Some(700));
+    }
+
+    #[test]
+    fn a_shaken_vehicle_stands_only_if_it_is_still_for_ten_seconds() {
+        let shaken = Descent {
+            is_shaken: true,
+            ..STANDING
+        };
+        let mut touchdown = Touchdown::default();
+        let stands = |touchdown: &mut Touchdown, seconds: u64| {
+            touchdown.look(Timestamp::from_nanos(seconds * 1_000_000_000), Some(shaken))
+        };
+        assert!((0..10).all(|seconds| !stands(&mut touchdown, seconds)));
+        assert!(stands(&mut touchdown, 10));
+    }
+
+    #[test]
+    fn what_pressed_a_shaken_vehicle_does_not_count_once_it_is_calm() {
+        let mut touchdown = Touchdown::default();
+        let mut stands = |milliseconds: u64, is_shaken| {
+            let at = Timestamp::from_nanos(milliseconds * 1_000_000);
+            touchdown.look(
+                at,
+                Some(Descent {
+                    is_shaken,
+                    ..STANDING
+                }),
+            )
+        };
+        assert!((0..90).all(|tenth| !stands(tenth * 100, true)));
+        assert!(!stands(9_000, false) && !stands(9_600, false));
+        assert!(stands(9_700, false));
     }
 
     #[test]

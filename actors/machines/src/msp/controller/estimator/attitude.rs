@@ -11,7 +11,7 @@ use crate::time::Timestamp;
 /// Fastest turn about any axis that is believed at once, in rad/s: 400 °/s. Betaflight leans with less in the mode ANGLE.
 const TURN_MAX_RADPS: f64 = 6.98;
 /// Largest tilt that accelerates as it says, in radians: beyond 60°, Betaflight's `angle_limit`, height is not held.
-const LEAN_MAX_RAD: f64 = 1.047;
+pub(super) const LEAN_MAX_RAD: f64 = 1.047;
 /// From one attitude to the next; they may arrive together.
 const ATTITUDE_PERIOD: Duration = Duration::from_millis(80);
 
@@ -65,8 +65,8 @@ impl Attitudes {
         self.newest.map(|(_, tilt)| tilt).unwrap_or_default()
     }
 
-    /// Takes in an attitude. One that no vehicle can have, or can't have turned to, is rejected.
-    pub(super) fn measure(&mut self, now: Timestamp, attitude: &Attitude) {
+    /// Takes in an attitude. One that no vehicle can have, or can't have turned to, is rejected. Returns whether it is believed.
+    pub(super) fn measure(&mut self, now: Timestamp, attitude: &Attitude) -> bool {
         let Attitude {
             roll_ddeg,
             pitch_ddeg,
@@ -76,7 +76,7 @@ impl Attitudes {
             || !(-900..=900).contains(&pitch_ddeg)
             || !(-360..=360).contains(&yaw_deg)
         {
-            return;
+            return false;
         }
         let tilt = Tilt {
             roll_rad: (f64::from(roll_ddeg) / 10.0).to_radians(),
@@ -92,5 +92,6 @@ impl Attitudes {
         if is_believed {
             self.newest = Some((now, tilt));
         }
+        is_believed
     }
 }

@@ -36,6 +36,11 @@ impl Axis {
         }
     }
 
+    /// Standard deviation of the position, in metres.
+    pub(super) fn sigma_m(&self) -> f64 {
+        libm::sqrt(self.covariance[0])
+    }
+
     pub(super) fn predict(&mut self, seconds: f64, acceleration_mps2: f64, noise_mps2: f64) {
         self.position_m += (self.velocity_mps + acceleration_mps2 * seconds / 2.0) * seconds;
         self.velocity_mps += acceleration_mps2 * seconds;
@@ -73,18 +78,19 @@ impl Axis {
         gain_p * innovation_m
     }
 
-    /// Takes in a measured velocity, unless it is too far away.
-    pub(super) fn measure_velocity(&mut self, measured_mps: f64, sigma_mps: f64) {
+    /// Takes in a measured velocity. Returns by how much the position changes; `None` if the velocity is too far away.
+    pub(super) fn measure_velocity(&mut self, measured_mps: f64, sigma_mps: f64) -> Option<f64> {
         let [pp, pv, vv] = self.covariance;
         let variance = vv + sigma_mps * sigma_mps;
         let innovation = measured_mps - self.velocity_mps;
         if innovation * innovation > GATE * GATE * variance {
-            return;
+            return None;
         }
         let (gain_p, gain_v) = (pv / variance, vv / variance);
         self.position_m += gain_p * innovation;
         self.velocity_mps += gain_v * innovation;
         self.covariance = [pp - gain_p * pv, pv - gain_p * vv, vv - gain_v * vv];
+        Some(gain_p * innovation)
     }
 }
 

@@ -19,9 +19,14 @@ const HEIGHT_MAX_M: f64 = 9_000.0;
 /// Fastest climb or descent, in m/s: twice a racing copter's. Ours.
 const CLIMB_MAX_MPS: f64 = 100.0;
 
-/// The height. Poses tell it; without them the controller does.
+/// Largest step of a height above a level floor, in metres: more is something that stands on the floor, or an edge. Ours.
+const RANGE_STEP_MAX_M: f64 = 0.3;
+/// Standard deviation of a height above a level floor, in metres: of a time-of-flight sensor and of the floor. Ours.
+const RANGE_SIGMA_M: f64 = 0.05;
+
+/// The height. Poses tell it; without them a range to a level floor does; without both the controller does.
 ///
-/// Invariant: where poses end, the controller's own height goes on from the last one.
+/// Invariant: where poses and ranges end, the controller's own height goes on from the last one.
 #[derive(Debug)]
 pub(super) struct Height {
     /// Up, from where the barometer counts. `None` before the first height.
@@ -34,6 +39,8 @@ pub(super) struct Height {
     measured_at: Timestamp,
     /// The newest accepted height of a pose.
     posed_at: Option<Timestamp>,
+    /// The newest accepted height above a level floor.
+    ranged_at: Option<Timestamp>,
     /// What is added to the controller's own height, in metres.
     offset_m: f64,
     /// What the newest sticks ask for, upwards, in m/s².
@@ -49,6 +56,7 @@ impl Height {
             ground_m,
             measured_at: now,
             posed_at: None,
+            ranged_at: None,
             offset_m: 0.0,
             expected_up_mps2: 0.0,
         }
@@ -74,15 +82,20 @@ impl Height {
         if self.posed_at.is_none() {
             self.axis = None;
             self.ground_m = None;
+            self.ranged_at = None;
             self.offset_m = 0.0;
         }
     }
 
-    /// Age of the newest height.
+    /// It stands: a height counts as missing from when it flies.
+    pub(super) const fn stand(&mut self, now: Timestamp) {
+        self.measured_at = now;
+    }
+
+    /// Age of the newest height, or time since it stood.
     pub(super) fn age(&self, now: Timestamp) -> Duration {
-        let newest = self
-            .posed_at
-            .map_or(self.measured_at, |at| at.max(self.measured_at));
+        let others = [self.posed_at, self.ranged_at].into_iter().flatten();
+        let newest = others.fold(self.measured_at, Timestamp::max);
         now.since(newest)
     }
 
@@ -93,8 +106,7 @@ impl Height {
 
     /// Whether poses tell the height.
     pub(super) fn is_posed(&self, now: Timestamp) -> bool {
-        let since = self.posed_at.map(|at| now.since(at));
-        since.is_some_and(|since| since <= LOST_AFTER)
+        is_fresh(now, self.posed_at)
     }
 
     /// The acceleration upwards that the newest sticks ask for, in m/s². It counts while the height is only predicted.
@@ -113,15 +125,15 @@ impl Height {
         }
     }
 
-    /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses tell the height it
-    /// only notes how far its own is off, to count on from there.
+    /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses or ranges tell the
+    /// height it only notes how far its own is off, to count on from there.
     pub(super) fn measure(&mut self, now: Timestamp, altitude: &Altitude, noise: &Noise) {
         let height_m = f64::from(altitude.altitude_cm) / 100.0;
         let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
         if height_m.abs() > HEIGHT_MAX_M || climb_mps.abs() > CLIMB_MAX_MPS {
             return;
         }
-        if self.is_posed(now) {
+        if self.is_posed(now) || is_fresh(now, self.ranged_at) {
             let here_m = self.axis.map_or(height_m, |it| it.position_m);
             self.offset_m = here_m - height_m;
             return;
@@ -133,7 +145,7 @@ impl Height {
             none => none.insert(Axis::at(height_m, sigma_m * sigma_m)),
         };
         if axis.measure_position(height_m, sigma_m) {
-            axis.measure_velocity(climb_mps, noise.climb_mps);
+            let _ = axis.measure_velocity(climb_mps, noise.climb_mps);
             self.doubted = None;
         } else {
             let error = (sigma_m, Duration::ZERO);
@@ -143,6 +155,20 @@ impl Height {
             *axis = begun;
         }
         self.measured_at = now;
+    }
+
+    /// Takes in a height above a level floor, in metres, unless poses tell the height. One that is too far away is rejected, and
+    /// the controller's own height goes on.
+    pub(super) fn measure_range(&mut self, now: Timestamp, height_m: f64) {
+        let (Some(axis), Some(ground_m), false) =
+            (&mut self.axis, self.ground_m, is_fresh(now, self.posed_at))
+        else {
+            return;
+        };
+        let up_m = ground_m + height_m;
+        let is_floor = (up_m - axis.position_m).abs() <= RANGE_STEP_MAX_M
+            && axis.measure_position(up_m, RANGE_SIGMA_M);
+        self.ranged_at = is_floor.then_some(now);
     }
 
     /// A pose corrected the height.
@@ -155,4 +181,9 @@ impl Height {
         self.axis = Some(up);
         self.posed_at = Some(now);
     }
+}
+
+/// Whether the newest height of a kind still tells it.
+fn is_fresh(now: Timestamp, newest: Option<Timestamp>) -> bool {
+    newest.is_some_and(|at| now.since(at) <= LOST_AFTER)
 }

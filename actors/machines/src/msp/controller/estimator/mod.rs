@@ -1,12 +1,13 @@
 //! Position and velocity from the controller's telemetry: a Kalman filter of two states for each axis.
 //!
-//! Attitude predicts, GPS and barometer correct. A measurement too far from the prediction is rejected; if all are for a
+//! Attitude predicts, GPS, poses, barometer and optical flow correct. A measurement too far from the prediction is rejected; if all are for a
 //! while, or some in a row agree with each other, the filter begins anew from the next one. Source of the filter: Bar-Shalom,
 //! Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*, sections 5.2 and 6.3 (white noise acceleration).
 
 mod attitude;
 mod axis;
 mod doubt;
+mod flow;
 mod height;
 mod past;
 #[cfg(test)]
@@ -14,12 +15,13 @@ mod tests;
 
 use std::time::Duration;
 
-use muster_msp::{Altitude, Attitude, RawGps};
+use muster_msp::{Altitude, Attitude, FlowReading, RawGps};
 
 use self::attitude::Attitudes;
 pub(super) use self::attitude::Tilt;
 use self::axis::{Axis, correct};
 use self::doubt::Doubt;
+use self::flow::Flow;
 use self::height::Height;
 use self::past::Past;
 use super::Pose;
@@ -40,6 +42,10 @@ const SIGMA_MIN_M: f64 = 0.001;
 const AGE_MAX: Duration = Duration::from_millis(500);
 /// Noise of the acceleration of a vehicle whose motors are off, in m/s² per √Hz. One that is carried begins anew.
 const STANDING_MPS2: f64 = 0.02;
+/// Largest error of a position that optical flow alone still tells, in metres: a standard deviation and what the scale is wrong by.
+const DRIFT_MAX_M: f64 = 1.0;
+/// What the scale of optical flow may be wrong by, as a share of the way: the range's error and the lens's together. Ours.
+const SCALE_ERROR: f64 = 0.1;
 /// Longest prediction in one step, in seconds: beyond it the attitude is stale.
 const STEP_MAX_S: f64 = 0.5;
 
@@ -64,11 +70,34 @@ pub(super) struct Estimator {
     /// North and east.
     horizontal: Option<[Axis; 2]>,
     past: Past,
-    /// Poses that agree with each other, but not with the estimate; so of fixes.
-    doubted_pose: Option<Doubt<3>>,
-    doubted_fix: Option<Doubt<2>>,
-    /// The newest accepted position.
-    fixed_at: Timestamp,
+    doubted: Doubted,
+    flow: Option<Flow>,
+    known: Known,
+}
+
+/// What agrees with itself, but not with the estimate.
+#[derive(Debug, Default)]
+struct Doubted {
+    pose: Option<Doubt<3>>,
+    fix: Option<Doubt<2>>,
+}
+
+/// Until when the horizontal position was known.
+#[derive(Debug, Clone, Copy)]
+struct Known {
+    at: Timestamp,
+    /// The way since the newest accepted position, in metres.
+    flown_m: f64,
+}
+
+impl Known {
+    /// A position was accepted.
+    const fn by_position(now: Timestamp) -> Self {
+        Self {
+            at: now,
+            flown_m: 0.0,
+        }
+    }
 }
 
 impl Estimator {
@@ -84,9 +113,9 @@ impl Estimator {
             height: Height::new(now, ground_m),
             horizontal: None,
             past: Past::default(),
-            doubted_pose: None,
-            doubted_fix: None,
-            fixed_at: now,
+            doubted: Doubted::default(),
+            flow: config.flow.map(Flow::new),
+            known: Known::by_position(now),
         }
     }
 
@@ -110,8 +139,11 @@ impl Estimator {
     }
 
     /// Whether its motors are off: then it stands still. It flies until it is told.
-    pub(super) const fn stand(&mut self, stands: bool) {
+    pub(super) const fn stand(&mut self, now: Timestamp, stands: bool) {
         self.stands = stands;
+        if stands {
+            self.height.stand(now);
+        }
     }
 
     /// Forgets the barometer's height: Betaflight counts it from where it was armed.
@@ -132,7 +164,7 @@ impl Estimator {
 
     /// How long the horizontal position has been unknown; `None` if it is known.
     pub(super) fn lost_for(&self, now: Timestamp) -> Option<Duration> {
-        let since = now.since(self.fixed_at);
+        let since = now.since(self.known.at);
         (self.horizontal.is_none() || since > LOST_AFTER).then_some(since)
     }
 
@@ -161,7 +193,7 @@ impl Estimator {
         let (acceleration, noise_mps2, vertical_noise_mps2) = match self.stands {
             true => ([0.0; 2], STANDING_MPS2, STANDING_MPS2),
             false => (
-                self.tilt().acceleration_mps2(),
+                self.acceleration_mps2(now),
                 self.noise.acceleration_mps2,
                 self.noise.vertical_acceleration_mps2,
             ),
@@ -172,6 +204,7 @@ impl Estimator {
         }
         (self.height).predict(now, seconds, self.stands, vertical_noise_mps2);
         if let Some([north, east]) = self.horizontal {
+            self.known.flown_m += libm::hypot(north.velocity_mps, east.velocity_mps) * seconds;
             let up_m = self.height.axis.map_or(0.0, |it| it.position_m);
             self.past
                 .note(now, [north.position_m, east.position_m, up_m]);
@@ -179,12 +212,68 @@ impl Estimator {
     }
 
     /// Takes in an attitude. One that no vehicle can have, or can't have turned to, is rejected.
+    /// What the ground did since the one before, as optical flow, is the vehicle's motion.
     pub(super) fn measure_attitude(&mut self, now: Timestamp, attitude: &Attitude) {
-        self.attitudes.measure(now, attitude);
+        if self.attitudes.measure(now, attitude) {
+            self.measure_motion(now);
+        }
     }
 
-    /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses tell the height it
-    /// only notes how far its own is off, to count on from there.
+    /// Takes in what an optical flow module says; without one in the configuration nothing happens.
+    pub(super) fn measure_flow(&mut self, now: Timestamp, reading: &FlowReading) {
+        let tilt = self.tilt();
+        let Some(flow) = &mut self.flow else { return };
+        if let Some(height_m) = flow.measure(now, tilt, reading)
+            && !self.stands
+        {
+            self.height.measure_range(now, height_m);
+        }
+    }
+
+    /// Takes in the motion that optical flow saw. A position that is known stays known by it, until it may have drifted too far.
+    fn measure_motion(&mut self, now: Timestamp) {
+        let (tilt, is_known) = (self.tilt(), self.lost_for(now).is_none());
+        let accelerations_mps2 = self.acceleration_mps2(now);
+        let climb_mps = self.height.axis.map_or(0.0, |it| it.velocity_mps);
+        let (Some(flow), Some(axes)) = (&mut self.flow, &mut self.horizontal) else {
+            return;
+        };
+        let Some(seen) = flow.moved(now, tilt, climb_mps).filter(|_| !self.stands) else {
+            return;
+        };
+        let mut taken = [None; 2];
+        for (index, axis) in axes.iter_mut().enumerate() {
+            let by_mps2 = accelerations_mps2[index] - self.drag_per_s * axis.velocity_mps;
+            let measured_mps = seen.velocity_mps[index] + by_mps2 * seen.seconds / 2.0;
+            let innovation_mps = measured_mps - axis.velocity_mps;
+            let by_m = axis.measure_velocity(measured_mps, seen.sigma_mps);
+            taken[index] = by_m.map(|by_m| (by_m, innovation_mps));
+        }
+        let [Some((north_m, north_mps)), Some((east_m, east_mps))] = taken else {
+            return;
+        };
+        flow.learn_push(now, [north_mps, east_mps], seen.seconds);
+        self.past.shift(&[north_m, east_m]);
+        let sigma_m = axes.map(|it| it.sigma_m()).into_iter().fold(0.0, f64::max);
+        if is_known && sigma_m + SCALE_ERROR * self.known.flown_m <= DRIFT_MAX_M {
+            self.known.at = now;
+        }
+    }
+
+    /// Acceleration north and east of a vehicle that flies, without its drag, in m/s².
+    fn acceleration_mps2(&self, now: Timestamp) -> [f64; 2] {
+        let leans_mps2 = self.tilt().acceleration_mps2();
+        match &self.flow {
+            Some(flow) => {
+                let push_mps2 = flow.push_mps2(now);
+                std::array::from_fn(|axis| leans_mps2[axis] + push_mps2[axis])
+            }
+            None => leans_mps2,
+        }
+    }
+
+    /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses or ranges tell the
+    /// height it only notes how far its own is off, to count on from there.
     pub(super) fn measure_altitude(&mut self, now: Timestamp, altitude: &Altitude) {
         self.height.measure(now, altitude, &self.noise);
     }
@@ -203,7 +292,7 @@ impl Estimator {
         ];
         if self.measure_place(now, [place.north_m(), place.east_m()]) {
             for (axis, velocity) in self.horizontal.iter_mut().flatten().zip(velocity) {
-                axis.measure_velocity(velocity, self.noise.velocity_mps);
+                let _ = axis.measure_velocity(velocity, self.noise.velocity_mps);
             }
         }
     }
@@ -229,13 +318,13 @@ impl Estimator {
             let innovations = std::array::from_fn(|axis| place[axis] - past[axis]);
             if let Some(by_m) = correct([north, east, up], innovations, sigma_m) {
                 self.past.shift(&by_m);
-                self.fixed_at = now;
+                self.known = Known::by_position(now);
                 self.height.pose(now);
-                self.doubted_pose = None;
+                self.doubted.pose = None;
                 return;
             }
         }
-        if let Some(axes) = doubt::begin(&mut self.doubted_pose, now, place, (sigma_m, age)) {
+        if let Some(axes) = doubt::begin(&mut self.doubted.pose, now, place, (sigma_m, age)) {
             self.begin(now, axes);
         }
     }
@@ -245,7 +334,7 @@ impl Estimator {
         self.horizontal = Some([north, east]);
         self.height.begin(now, up);
         self.past = Past::default();
-        self.fixed_at = now;
+        self.known = Known::by_position(now);
     }
 
     /// Takes in a fix's place, north and east. Returns whether it was near enough.
@@ -259,21 +348,21 @@ impl Estimator {
         let place = [to_north, to_east];
         let (Some([north, east]), Some(past)) = (&mut self.horizontal, past) else {
             self.horizontal = Some(place.map(|it| Axis::at(it, position_m * position_m)));
-            self.fixed_at = now;
+            self.known = Known::by_position(now);
             return false;
         };
         let innovations = [to_north - past[0], to_east - past[1]];
         if let Some(by_m) = correct([north, east], innovations, position_m) {
             self.past.shift(&by_m);
-            self.doubted_fix = None;
-            self.fixed_at = now;
+            self.doubted.fix = None;
+            self.known = Known::by_position(now);
             return true;
         }
         let error = (position_m, gps_delay);
-        if let Some(axes) = doubt::begin(&mut self.doubted_fix, now, place, error) {
+        if let Some(axes) = doubt::begin(&mut self.doubted.fix, now, place, error) {
             self.horizontal = Some(axes);
             self.past = Past::default();
-            self.fixed_at = now;
+            self.known = Known::by_position(now);
         }
         false
     }
