@@ -1,8 +1,9 @@
 //! Position and velocity from the controller's telemetry: a Kalman filter of two states for each axis.
 //!
-//! Attitude predicts, GPS, poses, barometer and optical flow correct. A measurement too far from the prediction is rejected; if all are for a
-//! while, or some in a row agree with each other, the filter begins anew from the next one. Source of the filter: Bar-Shalom,
-//! Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*, sections 5.2 and 6.3 (white noise acceleration).
+//! Attitude predicts, GPS, poses, barometer and optical flow correct. A measurement too far from the prediction is rejected; if
+//! all are for a while, or some in a row agree with each other, the filter begins anew from the next one. Source of the filter:
+//! Bar-Shalom, Li, Kirubarajan, *Estimation with Applications to Tracking and Navigation*, sections 5.2 and 6.3 (white noise
+//! acceleration).
 
 mod attitude;
 mod axis;
@@ -42,7 +43,8 @@ const SIGMA_MIN_M: f64 = 0.001;
 const AGE_MAX: Duration = Duration::from_millis(500);
 /// Noise of the acceleration of a vehicle whose motors are off, in m/s² per √Hz. One that is carried begins anew.
 const STANDING_MPS2: f64 = 0.02;
-/// Largest error of a position that optical flow alone still tells, in metres: a standard deviation and what the scale is wrong by.
+/// Largest error of a position that optical flow alone still tells, in metres: a standard deviation, and what the scale is wrong
+/// by. Ours.
 const DRIFT_MAX_M: f64 = 1.0;
 /// What the scale of optical flow may be wrong by, as a share of the way: the range's error and the lens's together. Ours.
 const SCALE_ERROR: f64 = 0.1;
