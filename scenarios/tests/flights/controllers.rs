@@ -330,3 +330,41 @@ fn a_drone_with_an_optical_flow_module_stays_where_it_is_while_its_position_is_l
     let actors = fly(&scenario, Engine::Actors);
     assert_eq!(events.trace, actors.trace, "the engines disagree");
 }
+
+/// Found by the search, as the next: it counted the time without a height from before it was armed, and gave up its RC.
+#[test]
+fn a_drone_that_armed_while_all_answers_were_late_flies_on() {
+    let late = r#"{ kind = "delay-bytes", when = "taking-off", drone = 2, by_ms = 63, for_s = 3 }"#;
+    assert_completed(&found("seed=6514", 3, late), "seed 6514");
+}
+
+/// Vibration carries an aircraft that is told to land: it neither sinks nor rises for a while, and does not stand.
+#[test]
+fn a_shaken_aircraft_keeps_its_motors_in_the_air() {
+    let lands = r#"{ kind = "shake", at_s = 106, drone = 0, rate_dps = 23.296, for_s = 19 }"#;
+    found("seed=5005", 3, lands);
+    let rises = r#"{ kind = "shake", when = "taking-off", after_s = 4, drone = 4, rate_dps = 21.056, for_s = 11 }"#;
+    found("seed=4200", 5, rises);
+}
+
+/// Drones in line under a fault, which break no rule.
+fn found(seed: &str, drones: u32, fault: &str) -> Report {
+    let drones = format!("formation.drones={drones}");
+    let faults = format!("faults=[{fault}]");
+    let changes = [
+        seed,
+        "formation.kind=linear",
+        "formation.spacing_m=40",
+        "formation.ground=gathered",
+        "mission.file=paddock",
+        "radio.loss=0",
+        &drones,
+        &faults,
+    ];
+    let report = fly(
+        &scenario("chaos-controllers.toml", &changes),
+        Engine::Events,
+    );
+    assert_eq!(report.violations, [], "{seed}");
+    report
+}
