@@ -17,9 +17,13 @@ pub const RC_PERIOD: Duration = Duration::from_millis(20);
 pub const RC_HOLD: Duration = Duration::from_millis(100);
 /// How long an answer may take before the question counts as lost and is asked again: ten ticks.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
-/// How many questions may wait for their answers while RC is sent. With one, a line that takes 30 ms each way would bring heights
-/// three times a second, too few to hold one.
+/// How many questions may wait for their answers while RC is sent, on a line that takes no time. With three, a controller that
+/// serves 77 commands a second, as Betaflight's simulation may, would answer all of them too late: RC takes 50.
+const OUTSTANDING_MIN: usize = 2;
+/// So many may wait if the line takes long: so that it slows no question down.
 const OUTSTANDING_MAX: usize = 4;
+/// One more may wait for each such time that the quickest answer took: two each 40 ms are more than are asked.
+const LINE_STEP: Duration = Duration::from_millis(40);
 /// Time after a question for which its answer shows that the controller lives.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
@@ -203,6 +207,8 @@ pub struct Schedule {
     /// What was asked in that version, the oldest first. A controller answers in this order, so an answer belongs to the oldest
     /// question that it can answer, and what was asked before is not answered any more.
     asked: VecDeque<Asked>,
+    /// How long the quickest answer took.
+    quickest: Duration,
     lost: u64,
 }
 
@@ -231,6 +237,7 @@ impl Schedule {
             outstanding: VecDeque::new(),
             version: Version::V1,
             asked: VecDeque::new(),
+            quickest: ANSWER_MAX,
             lost: 0,
         }
     }
@@ -316,8 +323,13 @@ impl Schedule {
 
     /// Counts questions as lost that wait for too long.
     fn expire(&mut self, now: Duration) {
+        self.lose(now, |asked| now.saturating_sub(asked) >= ANSWER_MAX);
+    }
+
+    /// Counts the oldest questions as lost, by when they were asked. They are asked again.
+    fn lose(&mut self, now: Duration, is_lost: impl Fn(Duration) -> bool) {
         while let Some(oldest) = self.outstanding.front()
-            && now.saturating_sub(oldest.asked) >= ANSWER_MAX
+            && is_lost(oldest.asked)
         {
             self.lost += 1;
             self.queries.push_back(Due {
@@ -330,10 +342,11 @@ impl Schedule {
 
     /// While no RC is sent, one question waits at a time, so that a controller that serves few commands a second is in time.
     fn outstanding_max(&self, now: Duration) -> usize {
-        match self.is_sending(now) {
-            true => OUTSTANDING_MAX,
-            false => 1,
+        if !self.is_sending(now) {
+            return 1;
         }
+        let steps = self.quickest.as_millis() / LINE_STEP.as_millis();
+        (OUTSTANDING_MIN + steps as usize).min(OUTSTANDING_MAX)
     }
 
     fn next_query(&mut self, now: Duration) -> Option<Query> {
@@ -363,6 +376,7 @@ impl Schedule {
         self.forget(now);
         let place = (self.asked.iter()).position(|it| it.command == command)?;
         let asked = self.asked.drain(..=place).next_back()?;
+        self.lose(now, |before| before < asked.at);
         let waits = |it: &Outstanding| it.due.query.command == command && it.asked == asked.at;
         let outstanding = (self.outstanding.iter().position(waits))
             .and_then(|place| self.outstanding.remove(place));
@@ -371,10 +385,9 @@ impl Schedule {
             return Some(Answered::Late);
         };
         self.queries.extend(outstanding.answered(now, is_refused));
-        Some(Answered::InTime(
-            outstanding.due.query,
-            now.saturating_sub(asked.at),
-        ))
+        let delay = now.saturating_sub(asked.at);
+        self.quickest = self.quickest.min(delay);
+        Some(Answered::InTime(outstanding.due.query, delay))
     }
 
     /// Two versions do: once one is answered, all answers in the other have come.

@@ -7,14 +7,11 @@ use std::time::{Duration, Instant};
 use muster_msp::{Counts, Decoder, FlowReading};
 
 use crate::address::Address;
+use crate::link::{BACK_OFF_MAX, BACK_OFF_MIN};
 use crate::wire::Wire;
 
 /// How long a read waits.
 const WAIT: Duration = Duration::from_millis(100);
-/// First pause before a port is opened again; it doubles up to the last one.
-const BACK_OFF_MIN: Duration = Duration::from_millis(100);
-/// Longest pause before a port is opened again.
-const BACK_OFF_MAX: Duration = Duration::from_secs(2);
 
 /// An open port of an optical flow module. Nothing is written to it.
 #[derive(Debug)]

@@ -23,9 +23,9 @@ use crate::wire::Wire;
 /// How long a read waits.
 const WAIT: Duration = Duration::from_millis(50);
 /// First pause before a port is opened again; it doubles up to the last one.
-const BACK_OFF_MIN: Duration = Duration::from_millis(100);
+pub(crate) const BACK_OFF_MIN: Duration = Duration::from_millis(100);
 /// Longest pause before a port is opened again.
-const BACK_OFF_MAX: Duration = Duration::from_secs(2);
+pub(crate) const BACK_OFF_MAX: Duration = Duration::from_secs(2);
 
 /// A port that is kept open, with RC on time and telemetry beside it. Its threads end with it, and RC with them.
 #[derive(Debug)]

@@ -165,15 +165,9 @@ fn waypoints_and_agent(
 }
 
 fn pose(source: &Source, raw: &Raw) -> Result<Option<PoseSensor>, BadInput> {
-    let Some(pose) = &raw.vehicle.pose else {
-        return Ok(None);
-    };
-    if VehicleKind::from(raw.vehicle.kind) != VehicleKind::Msp {
-        let message = "only a `vehicle.kind = \"msp\"` has a pose sensor";
-        return Err(source.error(pose.span(), message));
-    }
-    let pose = pose.get_ref();
-    Ok(Some(PoseSensor {
+    let message = "only a `vehicle.kind = \"msp\"` has a pose sensor";
+    let pose = only_with_msp(source, raw, &raw.vehicle.pose, message)?;
+    Ok(pose.map(|pose| PoseSensor {
         sigma_m: pose.sigma_m.0,
         period: Duration::from_millis(pose.period_ms.0),
         delay: Duration::from_millis(pose.delay_ms.0),
@@ -182,15 +176,9 @@ fn pose(source: &Source, raw: &Raw) -> Result<Option<PoseSensor>, BadInput> {
 }
 
 fn flow(source: &Source, raw: &Raw) -> Result<Option<FlowSensor>, BadInput> {
-    let Some(flow) = &raw.vehicle.flow else {
-        return Ok(None);
-    };
-    if VehicleKind::from(raw.vehicle.kind) != VehicleKind::Msp {
-        let message = "only a `vehicle.kind = \"msp\"` has an optical flow module";
-        return Err(source.error(flow.span(), message));
-    }
-    let flow = flow.get_ref();
-    Ok(Some(FlowSensor {
+    let message = "only a `vehicle.kind = \"msp\"` has an optical flow module";
+    let flow = only_with_msp(source, raw, &raw.vehicle.flow, message)?;
+    Ok(flow.map(|flow| FlowSensor {
         module: FlowModule {
             level_floor: flow.level_floor,
         },
@@ -201,14 +189,24 @@ fn flow(source: &Source, raw: &Raw) -> Result<Option<FlowSensor>, BadInput> {
 }
 
 fn gains(source: &Source, raw: &Raw) -> Result<Gains, BadInput> {
-    let Some(gains) = &raw.vehicle.gains else {
-        return Ok(Gains::from(&raw::Gains::default()));
-    };
-    if VehicleKind::from(raw.vehicle.kind) != VehicleKind::Msp {
-        let message = "only a `vehicle.kind = \"msp\"` is flown by sticks, with gains";
-        return Err(source.error(gains.span(), message));
+    let message = "only a `vehicle.kind = \"msp\"` is flown by sticks, with gains";
+    let gains = only_with_msp(source, raw, &raw.vehicle.gains, message)?;
+    Ok(gains.map_or_else(|| (&raw::Gains::default()).into(), Gains::from))
+}
+
+/// A table that only a vehicle with a flight controller has; another one is refused with this message.
+fn only_with_msp<'a, T>(
+    source: &Source,
+    raw: &Raw,
+    table: &'a Option<Located<T>>,
+    message: &str,
+) -> Result<Option<&'a T>, BadInput> {
+    match table {
+        Some(table) if VehicleKind::from(raw.vehicle.kind) != VehicleKind::Msp => {
+            Err(source.error(table.span(), message))
+        }
+        table => Ok(table.as_ref().map(Located::get_ref)),
     }
-    Ok(gains.get_ref().into())
 }
 
 fn receiver(source: &Source, raw: &Raw) -> Result<Receiver, BadInput> {

@@ -12,6 +12,7 @@ mod limits;
 mod load;
 #[doc(hidden)]
 pub mod raw;
+mod sensors;
 pub mod separation;
 
 use std::ops::Deref;
@@ -24,7 +25,7 @@ use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{Alone, Barrier, Conduct, Following, Holds, Liveness, Succession};
 use muster_machines::motion::Landing;
-use muster_machines::msp::controller::{self, FlowModule, PlaceSensor, Receiver, Stage};
+use muster_machines::msp::controller::{self, PlaceSensor, Receiver, Stage};
 use muster_machines::msp::{AutopilotLink, ControllerLink, autopilot};
 use muster_machines::node::{Blueprint, LinkBuilder};
 use muster_machines::radio::{self, Budget, IdealAuthenticator, Incarnations};
@@ -39,6 +40,7 @@ use crate::vehicle::{SimulatedLink, SimulatedVehicle, Vehicle, VehicleKind};
 
 pub use self::fence::describe_fence;
 pub use self::load::{build_plan, load_with, mission_file, to_usize};
+pub use self::sensors::{FlowSensor, PoseSensor};
 
 /// What a scenario file may hold, the fields of its world included.
 #[must_use]
@@ -118,32 +120,6 @@ pub struct PlanParts {
     pub fence: Vec<String>,
     /// What the swarm does not do of what the mission file asks for.
     pub notes: Vec<String>,
-}
-
-/// An optical flow module beside the flight controller.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct FlowSensor {
-    /// What the drone does with it.
-    pub module: FlowModule,
-    /// Standard deviation of a simulated one's rates about each axis, in rad/s.
-    pub sigma_radps: f64,
-    /// Greatest distance to the ground that a simulated one measures, in metres.
-    pub range_max_m: f64,
-    /// From one measurement of a simulated one to the next.
-    pub period: Duration,
-}
-
-/// A sensor beside the flight controller that measures where the vehicle is.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct PoseSensor {
-    /// Standard deviation on each axis, in metres.
-    pub sigma_m: f64,
-    /// From one measurement to the next.
-    pub period: Duration,
-    /// From a measurement to its arrival.
-    pub delay: Duration,
-    /// Share of measurements that are wrong by metres.
-    pub outliers: f64,
 }
 
 impl Plan {

@@ -9,6 +9,7 @@ mod network;
 
 use std::io;
 use std::net::SocketAddr;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, LazyLock};
 
@@ -19,6 +20,7 @@ use muster_runtime::diagnostic::{BadInput, FileFormat, TomlFile, read_text};
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
 use muster_runtime::journal::flights;
 use muster_runtime::plan::Plan;
+use muster_runtime::schema::Located;
 use muster_runtime::schema::{self, FieldList, FileSchema};
 use muster_runtime::vehicle::VehicleKind;
 use muster_transport::sockets;
@@ -283,35 +285,42 @@ impl File {
             return Err(self.0.error(self.0.raw.id.span(), &message));
         }
         let raw = &self.0.raw;
-        match (&raw.pose, &plan.pose) {
-            (Some(pose), None) => {
-                let message =
-                    "the scenario has no table `[vehicle.pose]`, so GPS tells where the drone is";
-                return Err(self.0.error(pose.span(), message));
-            }
-            (None, Some(_)) if *raw.vehicle.get_ref() == VehicleName::Msp => {
-                let message = "the scenario has a table `[vehicle.pose]`, so this needs `pose`, an address for poses";
-                return Err(self.0.error(raw.vehicle.span(), message));
-            }
-            _ => {}
-        }
-        match (&raw.flow, &plan.flow) {
-            (Some(flow), None) => {
-                let message = "the scenario has no table `[vehicle.flow]`, so the drone has no optical flow module";
-                return Err(self.0.error(flow.span(), message));
-            }
-            (None, Some(_)) if *raw.vehicle.get_ref() == VehicleName::Msp => {
-                let message = "the scenario has a table `[vehicle.flow]`, so this needs `flow`, the port of an optical flow module";
-                return Err(self.0.error(raw.vehicle.span(), message));
-            }
-            _ => {}
-        }
+        self.check_sensor(
+            raw.pose.as_ref().map(Located::span),
+            plan.pose.is_some(),
+            "the scenario has no table `[vehicle.pose]`, so GPS tells where the drone is",
+            "the scenario has a table `[vehicle.pose]`, so this needs `pose`, an address for poses",
+        )?;
+        self.check_sensor(
+            raw.flow.as_ref().map(Located::span),
+            plan.flow.is_some(),
+            "the scenario has no table `[vehicle.flow]`, so the drone has no optical flow module",
+            "the scenario has a table `[vehicle.flow]`, so this needs `flow`, the port of an optical flow module",
+        )?;
         if plan.is_steered() {
             let message =
                 "the scenario needs a simulated pilot or operator, which `musterd` does not have";
             return Err(self.0.error(self.0.raw.scenario.span(), message));
         }
         Ok(())
+    }
+
+    /// Checks that a sensor beside a flight controller is named where the plan has one, and only there.
+    fn check_sensor(
+        &self,
+        named: Option<Range<usize>>,
+        is_planned: bool,
+        superfluous: &str,
+        missing: &str,
+    ) -> Result<(), BadInput> {
+        let vehicle = &self.0.raw.vehicle;
+        match named {
+            Some(span) if !is_planned => Err(self.0.error(span, superfluous)),
+            None if is_planned && *vehicle.get_ref() == VehicleName::Msp => {
+                Err(self.0.error(vehicle.span(), missing))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn http(&self) -> Result<Option<SocketAddr>, BadInput> {
