@@ -1,8 +1,9 @@
 """A pilot takes over from a drone's process that flies Betaflight, at random moments from take-off to landing.
 
-usage: takeover.py PROGRAM MUSTER [RUNS]
+usage: takeover.py PROGRAM MUSTER [RUNS [AT_ONCE]]
 """
 
+import concurrent.futures
 import csv
 import json
 import pathlib
@@ -54,16 +55,19 @@ def take_over(program, muster, seed, at_s):
 
 
 def main():
-    program, muster, runs = sys.argv[1], sys.argv[2], int((sys.argv[3:] or ["20"])[0])
+    program, muster = sys.argv[1:3]
+    runs, at_once = (int(it) for it in (sys.argv[3:] + ["20", "1"][len(sys.argv) - 3:]))
     rng = random.Random(25)
     _, rows = flight(program, muster, 0)
     in_air = [time for time, altitude, _ in rows if altitude > 0.5]
     first_s, last_s = in_air[0] + MARGIN_S, in_air[-1] - MARGIN_S
+    moments = [rng.uniform(first_s, last_s) for _ in range(runs)]
     told = []
-    for seed in range(1, runs + 1):
-        at_s = rng.uniform(first_s, last_s)
-        told.append(take_over(program, muster, seed, at_s))
-        print(f"seed {seed}: taken over at {at_s:.1f} s, a landing for the swarm after {told[-1]:.2f} s", flush=True)
+    with concurrent.futures.ThreadPoolExecutor(at_once) as pool:
+        taken = pool.map(lambda seed: take_over(program, muster, seed, moments[seed - 1]), range(1, runs + 1))
+        for seed, (at_s, after_s) in enumerate(zip(moments, taken), 1):
+            told.append(after_s)
+            print(f"seed {seed}: taken over at {at_s:.1f} s, a landing for the swarm after {after_s:.2f} s", flush=True)
     print(f"{runs} of {runs} taken over; a landing for the swarm after {statistics.median(told):.2f} s (median), {max(told):.2f} s (longest)")
 
 

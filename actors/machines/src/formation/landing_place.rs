@@ -14,6 +14,9 @@ const SEARCH_STEP: f64 = 0.5;
 /// Largest offset of a landing place from the slot, as a multiple of the required distance from paths.
 const SEARCH_REACH: f64 = 4.0;
 
+/// Directions in which places at the largest offset are looked for, if none nearer will do.
+const RIM_DIRECTIONS: i32 = 16;
+
 impl FlightPlan<'_> {
     /// Centre that puts the slot of drone `id` on the nearest place to land that no other drone's path leads over, in
     /// any phase.
@@ -93,7 +96,7 @@ fn clear_offset(
         distances_m.fold(f64::INFINITY, f64::min).min(min_m)
     };
     let mut best = (Vector2::zeros(), clearance_m(&Vector2::zeros()));
-    for offset in offsets(reach_m, SEARCH_STEP * min_m) {
+    for offset in offsets(reach_m, SEARCH_STEP * min_m).chain(rim(reach_m)) {
         if best.1 >= min_m {
             break;
         }
@@ -106,7 +109,7 @@ fn clear_offset(
 }
 
 /// Points of a lattice around the origin within `reach_m`, nearest first.
-fn offsets(reach_m: f64, step_m: f64) -> Vec<Vector2<f64>> {
+fn offsets(reach_m: f64, step_m: f64) -> impl Iterator<Item = Vector2<f64>> {
     let steps = (0..)
         .take_while(|steps| f64::from(*steps) * step_m <= reach_m)
         .last();
@@ -118,9 +121,17 @@ fn offsets(reach_m: f64, step_m: f64) -> Vec<Vector2<f64>> {
     lattice.sort_by_key(|(north, east)| (north * north + east * east, *north, *east));
     lattice
         .into_iter()
-        .map(|(north, east)| Vector2::new(f64::from(north), f64::from(east)) * step_m)
-        .filter(|offset| offset.norm() <= reach_m)
-        .collect()
+        .map(move |(north, east)| Vector2::new(f64::from(north), f64::from(east)) * step_m)
+        .filter(move |offset| offset.norm() <= reach_m)
+}
+
+/// Points around the origin at `reach_m`, if that is a distance.
+fn rim(reach_m: f64) -> impl Iterator<Item = Vector2<f64>> {
+    let directions = if reach_m > 0.0 { RIM_DIRECTIONS } else { 0 };
+    (0..directions).map(move |direction| {
+        let angle_rad = std::f64::consts::TAU * f64::from(direction) / f64::from(RIM_DIRECTIONS);
+        Vector2::new(libm::cos(angle_rad), libm::sin(angle_rad)) * reach_m
+    })
 }
 
 #[cfg(test)]
@@ -192,5 +203,20 @@ mod tests {
         assert_eq!(offset, Vector2::new(0.0, -5.0));
         let between = clear_offset(target, 20.0, 40.0, &[path(1.0), path(-19.0)]);
         assert_eq!(between, Vector2::new(0.0, 20.0));
+    }
+
+    /// The lattice alone would find a place 4.9 m from the corner.
+    #[test]
+    fn landing_place_is_as_far_from_a_corner_as_may_be() {
+        let corner = Vector2::zeros();
+        let paths = [
+            (corner, Vector2::new(-20.0, 0.0)),
+            (corner, Vector2::new(0.0, 20.0)),
+        ];
+        let offset = clear_offset(corner, 6.5, 6.9, &paths);
+        assert!((offset.norm() - 6.5).abs() < 1e-9, "{offset}");
+        for path in paths {
+            assert!(segment_to_point_m(path, offset) > 6.4, "{offset}");
+        }
     }
 }

@@ -2,230 +2,23 @@
 
 use std::time::Duration;
 
-use muster_controller::{CHANNELS, Contact, Controller, Fault, Settings, Truth, Version};
-use muster_machines::geometry::Ned;
-use muster_machines::machine::{Machine, Output};
-use muster_machines::motion::Landing;
-use muster_machines::msp::controller::{Config, Gains, Noise, PlaceSensor, Receiver, Stage};
-use muster_machines::msp::{
-    ControllerLink, FlightCommand, Input, PortEvent, Setpoint, Telemetry, Transmit,
-};
-use muster_machines::time::Timestamp;
-use muster_msp::{Conversation, Decoder, SetRawRc, TICK};
+use muster_controller::Contact;
+use muster_machines::msp::ControllerLink;
+use muster_machines::msp::controller::Receiver;
 
-use crate::companion::{exact, origin};
+use crate::companion::exact;
+use crate::flown::Flown;
 
-/// The pilot's transmitter with ANGLE on: AUX1 arms, AUX3 gives MSP the sticks.
-fn pilot(is_armed: bool) -> [u16; CHANNELS] {
-    let mut channels = [1_500; CHANNELS];
-    let switch = |is_on| if is_on { 1_900 } else { 1_000 };
-    (channels[3], channels[4]) = (1_000, switch(is_armed));
-    (channels[5], channels[6]) = (1_800, switch(is_armed));
-    channels
-}
-
-/// A drone's link, its port and its controller, on a virtual clock.
-struct Flown {
-    receiver: Receiver,
-    link: ControllerLink,
-    conversation: Conversation,
-    decoder: Decoder,
-    controller: Controller,
-    now: Timestamp,
-    is_identified: bool,
-    /// Whether bytes reach the controller, and its bytes the link.
-    is_connected: bool,
-    /// What the link has told the navigation last.
-    telemetry: Option<Telemetry>,
-}
-
-impl Flown {
-    /// In flight, 20 m up or nearly so, with the failsafe's delay in 0.1 s.
-    fn new(receiver: Receiver, delay_ds: u8) -> Self {
-        let mut settings = match receiver {
-            Receiver::Sole => Settings::sole(),
-            Receiver::Override => Settings::overriding(Version {
-                major: 26,
-                minor: 6,
-                patch: 0,
-            }),
-        };
-        settings.failsafe = Settings::fit().failsafe;
-        settings.failsafe.delay_ds = delay_ds;
-        let config = Config {
-            stage: Stage::Sim,
-            receiver,
-            home: origin(),
-            landing: Landing {
-                descent_mps: 1.5,
-                final_mps: 0.5,
-                final_altitude_m: 10.0,
-                acceleration_mps2: 1.0,
-            },
-            place: PlaceSensor::Gps,
-            flow: None,
-            noise: Noise::GPS,
-            gains: Gains::QUADCOPTER,
-        };
-        let mut flown = Self {
-            receiver,
-            link: ControllerLink::new(config, None, Timestamp::ZERO),
-            conversation: Conversation::default(),
-            decoder: Decoder::default(),
-            controller: Controller::new(exact(settings), 1, Timestamp::ZERO),
-            now: Timestamp::ZERO,
-            is_identified: false,
-            is_connected: true,
-            telemetry: None,
-        };
-        flown.take_off();
-        flown
-    }
-
-    fn take_off(&mut self) {
-        self.give_pilot(Some(false));
-        self.run(Duration::from_millis(6_000));
-        self.command(FlightCommand::Arm);
-        self.give_pilot(Some(true));
-        self.run_until("armed", |it| it.telemetry.is_some_and(|told| told.armed));
-        self.command(FlightCommand::Fly(Setpoint::Leg {
-            to: Ned::new(0.0, 0.0, -20.0),
-            speed_mps: 2.0,
-            acceleration_mps2: 1.0,
-        }));
-        self.run(Duration::from_secs(12));
-        let truth = self.truth();
-        assert!(truth.position.altitude_m() > 15.0, "{truth:?}");
-        assert!(!self.is_landing());
-    }
-
-    /// The pilot's transmitter is on, with its switches so, or off (`None`). A sole receiver hears none.
-    fn give_pilot(&mut self, is_armed: Option<bool>) {
-        if self.receiver == Receiver::Override {
-            let channels = is_armed.map(pilot);
-            self.controller.pilot(self.now, channels.as_ref());
-        }
-    }
-
-    fn truth(&mut self) -> Truth {
-        self.controller.aircraft(self.now)
-    }
-
-    fn is_landing(&self) -> bool {
-        self.telemetry.is_some_and(|it| it.landing)
-    }
-
-    fn command(&mut self, command: FlightCommand) {
-        self.give(Input::FlightCommand(command));
-    }
-
-    fn give(&mut self, input: Input) {
-        self.link.handle_input(self.now, input);
-        self.drain();
-    }
-
-    fn drain(&mut self) {
-        loop {
-            match self.link.poll_output() {
-                Output::Transmit(Transmit::Rc(rc)) => self.set_rc(rc),
-                Output::Transmit(Transmit::Telemetry(told)) => self.telemetry = Some(told),
-                Output::Transmit(_) | Output::Event(_) => {}
-                Output::Idle { .. } => return,
-            }
-        }
-    }
-
-    fn set_rc(&mut self, rc: Option<SetRawRc>) {
-        let now = self.now.since(Timestamp::ZERO);
-        match rc {
-            Some(rc) => self.conversation.set_channels(now, rc),
-            None => self.conversation.release(),
-        }
-    }
-
-    /// A tick of the port.
-    fn tick(&mut self) {
-        self.now += TICK;
-        let now = self.now.since(Timestamp::ZERO);
-        let bytes = self.controller.transmit(self.now);
-        let mut told = Vec::new();
-        if self.is_connected {
-            self.decoder.read(&bytes, |frame| {
-                if let Some(Ok(Some(telemetry))) =
-                    self.conversation.take(now, &frame).map(|it| it.told)
-                {
-                    told.push(PortEvent::Told(telemetry));
-                }
-            });
-        }
-        if !self.is_identified
-            && let Some(identity) = self.conversation.identity().cloned()
-        {
-            self.is_identified = true;
-            let identity = Box::new(identity);
-            let granted = Stage::Bench;
-            told.insert(0, PortEvent::Identified { identity, granted });
-        }
-        for event in told {
-            self.give(Input::Port(event));
-        }
-        self.link.handle_timeout(self.now);
-        self.drain();
-        if let Some(write) = self.conversation.tick(now) {
-            let mut bytes = Vec::new();
-            write.encode(&mut bytes);
-            if self.is_connected {
-                self.controller.receive(self.now, &bytes);
-            }
-        }
-    }
-
-    fn run(&mut self, span: Duration) {
-        let end = self.now + span;
-        while self.now < end {
-            self.tick();
-        }
-    }
-
-    /// Returns how long it took, in ms.
-    fn run_until(&mut self, what: &str, mut holds: impl FnMut(&mut Self) -> bool) -> u64 {
-        let since = self.now;
-        while !holds(self) {
-            self.tick();
-            assert!(self.now.since(since) < Duration::from_secs(90), "{what}");
-        }
-        u64::try_from(self.now.since(since).as_millis()).unwrap()
-    }
-
-    /// The controller hears nobody any more, but still answers: RC fails alone. Or the pilot's transmitter is switched off.
-    fn lose_receiver(&mut self) {
-        match self.receiver {
-            Receiver::Sole => self.controller.fault(self.now, Fault::Deaf(true)),
-            Receiver::Override => self.give_pilot(None),
-        }
-    }
-
-    /// The pilot's transmitter is as it was: with the arm switch on.
-    fn recover_receiver(&mut self) {
-        self.controller.fault(self.now, Fault::Deaf(false));
-        self.give_pilot(Some(true));
-    }
-
-    /// The drone is down and disarmed; a link that is back for a minute arms nothing, whatever the drone is ordered.
-    fn assert_stays_disarmed(&mut self) {
-        for _ in 0..60 {
-            self.command(FlightCommand::Arm);
-            self.run(Duration::from_secs(1));
-            assert!(!self.truth().is_armed, "{:?}", self.receiver);
-        }
-    }
+/// In flight, with the failsafe's delay in 0.1 s.
+fn flown(receiver: Receiver, delay_ds: u8) -> Flown<ControllerLink> {
+    Flown::new(receiver, delay_ds, exact, |link| link)
 }
 
 #[test]
 fn lost_receiver_starts_the_failsafe_at_its_delay_and_the_drone_reports_it_within_300_ms() {
     for receiver in [Receiver::Sole, Receiver::Override] {
         for delay_ds in [2, 4, 10] {
-            let mut flown = Flown::new(receiver, delay_ds);
+            let mut flown = flown(receiver, delay_ds);
             // Wherever between two frames and two questions the loss falls.
             for _ in 0..u64::from(delay_ds) {
                 flown.tick();
@@ -247,7 +40,7 @@ fn lost_receiver_starts_the_failsafe_at_its_delay_and_the_drone_reports_it_withi
 #[test]
 fn nothing_arms_for_a_minute_after_a_lost_receiver_is_back() {
     for receiver in [Receiver::Sole, Receiver::Override] {
-        let mut flown = Flown::new(receiver, 4);
+        let mut flown = flown(receiver, 4);
         flown.lose_receiver();
         flown.run_until("down", |it| !it.truth().is_armed);
         assert_eq!(flown.truth().contact, Contact::Ground, "{receiver:?}");
@@ -258,7 +51,7 @@ fn nothing_arms_for_a_minute_after_a_lost_receiver_is_back() {
 
 #[test]
 fn nothing_arms_for_a_minute_after_a_cut_line_is_back() {
-    let mut flown = Flown::new(Receiver::Sole, 4);
+    let mut flown = flown(Receiver::Sole, 4);
     flown.is_connected = false;
     flown.run_until("the report", |it| it.is_landing());
     flown.run_until("down", |it| !it.truth().is_armed);
@@ -270,7 +63,7 @@ fn nothing_arms_for_a_minute_after_a_cut_line_is_back() {
 /// The line is back while the failsafe lands the drone: RC would end it in mid-air.
 #[test]
 fn line_that_is_back_in_the_air_does_not_end_the_failsafe() {
-    let mut flown = Flown::new(Receiver::Sole, 4);
+    let mut flown = flown(Receiver::Sole, 4);
     flown.is_connected = false;
     flown.run(Duration::from_secs(3));
     assert!(flown.truth().is_failsafe);

@@ -8,6 +8,7 @@ mod determinism;
 mod failsafe;
 mod fitness;
 mod flight;
+mod flown;
 mod link;
 mod overriding;
 mod port;
