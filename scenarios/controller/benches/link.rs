@@ -66,7 +66,7 @@ fn main() {
         let valencia = Geodetic::new(39.48, -0.34, 20.0).unwrap();
         Config::new(valencia, settings)
     };
-    let mut flown = Flown::new(Receiver::Sole, 10, simulated, |link| Timed {
+    let mut flown = Flown::new(Receiver::Sole, 10, None, simulated, |link| Timed {
         link,
         deadline: None,
         steps: Vec::new(),

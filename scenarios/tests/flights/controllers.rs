@@ -185,6 +185,22 @@ fn heavy_aircraft_fly_the_mission() {
     }
 }
 
+/// Another one's last slot is where it was killed.
+#[test]
+fn an_aircraft_whose_companion_was_killed_lies_in_nobodys_way() {
+    let mut sweep = Sweep::default();
+    for receiver in ["vehicle.receiver=sole", "vehicle.receiver=override"] {
+        for seed in sweep.of(1..=20) {
+            let seed = format!("seed={seed}");
+            let scenario = scenario("hardware/betaflight-swarm.toml", &[receiver, &seed]);
+            let report = fly(&scenario, Engine::Events);
+            assert_eq!(report.violations, [], "{receiver}, {seed}");
+            let finished = report.drones.iter().filter(|it| it.state == "finished");
+            assert_eq!(finished.count(), 2, "{receiver}, {seed}");
+        }
+    }
+}
+
 #[test]
 fn a_drone_whose_pilot_takes_over_lands_for_the_swarm_and_the_others_finish() {
     for seed in SEEDS {

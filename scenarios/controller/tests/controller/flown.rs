@@ -1,8 +1,11 @@
 //! A drone's link and the simulated controller together, on a virtual clock.
 
+use std::iter;
 use std::time::Duration;
 
-use muster_controller::{CHANNELS, Config, Controller, Fault, Settings, Truth, Version};
+use muster_controller::{
+    CHANNELS, Config, Controller, Fault, PoseErrors, PoseSensor, Settings, Truth, Version,
+};
 use muster_machines::geometry::Ned;
 use muster_machines::machine::{Machine, Output};
 use muster_machines::motion::Landing;
@@ -29,6 +32,7 @@ pub(crate) struct Flown<Link> {
     conversation: Conversation,
     decoder: Decoder,
     controller: Controller,
+    pose: Option<PoseSensor>,
     now: Timestamp,
     is_identified: bool,
     /// Whether bytes reach the controller, and its bytes the link.
@@ -42,6 +46,7 @@ impl<Link: Machine<Input = Input, Transmit = Transmit, Event = Event>> Flown<Lin
     pub(crate) fn new(
         receiver: Receiver,
         delay_ds: u8,
+        pose: Option<PoseErrors>,
         simulated: impl FnOnce(Settings) -> Config,
         link: impl FnOnce(ControllerLink) -> Link,
     ) -> Self {
@@ -66,7 +71,7 @@ impl<Link: Machine<Input = Input, Transmit = Transmit, Event = Event>> Flown<Lin
                 final_altitude_m: 10.0,
                 acceleration_mps2: 1.0,
             },
-            place: PlaceSensor::Gps,
+            place: pose.map_or(PlaceSensor::Gps, |_| PlaceSensor::Pose),
             flow: None,
             noise: Noise::GPS,
             gains: Gains::QUADCOPTER,
@@ -77,6 +82,7 @@ impl<Link: Machine<Input = Input, Transmit = Transmit, Event = Event>> Flown<Lin
             conversation: Conversation::default(),
             decoder: Decoder::default(),
             controller: Controller::new(simulated, 1, Timestamp::ZERO),
+            pose: pose.map(|it| PoseSensor::new(it, 1, Timestamp::ZERO)),
             now: Timestamp::ZERO,
             is_identified: false,
             is_connected: true,
@@ -119,7 +125,7 @@ impl<Link: Machine<Input = Input, Transmit = Transmit, Event = Event>> Flown<Lin
         self.telemetry.is_some_and(|it| it.landing)
     }
 
-    fn command(&mut self, command: FlightCommand) {
+    pub(crate) fn command(&mut self, command: FlightCommand) {
         self.give(Input::FlightCommand(command));
     }
 
@@ -169,6 +175,11 @@ impl<Link: Machine<Input = Input, Transmit = Transmit, Event = Event>> Flown<Lin
             let identity = Box::new(identity);
             let granted = Stage::Bench;
             told.insert(0, PortEvent::Identified { identity, granted });
+        }
+        let place = self.truth().position;
+        if let Some(sensor) = &mut self.pose {
+            sensor.measure(self.now, place);
+            told.extend(iter::from_fn(|| sensor.arrived(self.now)).map(PortEvent::Pose));
         }
         for event in told {
             self.give(Input::Port(event));

@@ -11,7 +11,7 @@ use crate::flown::Flown;
 
 /// In flight, with the failsafe's delay in 0.1 s.
 fn flown(receiver: Receiver, delay_ds: u8) -> Flown<ControllerLink> {
-    Flown::new(receiver, delay_ds, exact, |link| link)
+    Flown::new(receiver, delay_ds, None, exact, |link| link)
 }
 
 #[test]

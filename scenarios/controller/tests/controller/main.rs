@@ -5,6 +5,7 @@
 mod arming;
 mod companion;
 mod determinism;
+mod estimate;
 mod failsafe;
 mod fitness;
 mod flight;

@@ -28,7 +28,7 @@ pub use self::authority::{ACKNOWLEDGED_MIN, Handover, LOST_AFTER, Taken, UNTOLD_
 use self::battery::Gauge;
 pub use self::checkpoint::Flight;
 pub use self::config::{Config, FlowModule, Gains, Noise, PlaceSensor, Receiver, Stage};
-pub use self::estimator::fix_place;
+pub use self::estimator::{Agreement, Innovations, fix_place};
 use self::gate::Gate;
 pub use self::loops::HEIGHT_LOST_AFTER;
 use self::loops::{ControlLoops, Hands};
@@ -92,6 +92,12 @@ impl ControllerLink {
         }
         link.keep();
         link
+    }
+
+    /// How well what it measured in flight agreed with what it expected.
+    #[must_use]
+    pub const fn innovations(&self) -> Innovations {
+        self.loops.estimator.innovations()
     }
 
     fn is_armed(&self) -> bool {

@@ -61,10 +61,20 @@ impl Axis {
         correct([self], [innovation_m], sigma_m).is_some()
     }
 
+    /// What a measured position differs by from the prediction, in standard deviations of the difference.
+    pub(super) fn normalised(&self, innovation_m: f64, sigma_m: f64) -> f64 {
+        innovation_m / libm::sqrt(self.covariance[0] + sigma_m * sigma_m)
+    }
+
+    /// What a measured velocity differs by from the prediction, in standard deviations of the difference.
+    pub(super) fn normalised_velocity(&self, measured_mps: f64, sigma_mps: f64) -> f64 {
+        let variance = self.covariance[2] + sigma_mps * sigma_mps;
+        (measured_mps - self.velocity_mps) / libm::sqrt(variance)
+    }
+
     /// Whether a position that differs so much from the prediction is near enough to it.
     fn is_near(&self, innovation_m: f64, sigma_m: f64) -> bool {
-        let variance = self.covariance[0] + sigma_m * sigma_m;
-        innovation_m * innovation_m <= GATE * GATE * variance
+        self.normalised(innovation_m, sigma_m).abs() <= GATE
     }
 
     /// Corrects the motion by what a measured position differs from the prediction. Returns by how much the position changes.

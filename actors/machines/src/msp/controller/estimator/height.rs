@@ -126,17 +126,23 @@ impl Height {
     }
 
     /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses or ranges tell the
-    /// height it only notes how far its own is off, to count on from there.
-    pub(super) fn measure(&mut self, now: Timestamp, altitude: &Altitude, noise: &Noise) {
+    /// height it only notes how far its own is off, to count on from there. Returns what it differs by from the prediction, in
+    /// standard deviations, if it was accepted.
+    pub(super) fn measure(
+        &mut self,
+        now: Timestamp,
+        altitude: &Altitude,
+        noise: &Noise,
+    ) -> Option<f64> {
         let height_m = f64::from(altitude.altitude_cm) / 100.0;
         let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
         if height_m.abs() > HEIGHT_MAX_M || climb_mps.abs() > CLIMB_MAX_MPS {
-            return;
+            return None;
         }
         if self.is_posed(now) || is_fresh(now, self.ranged_at) {
             let here_m = self.axis.map_or(height_m, |it| it.position_m);
             self.offset_m = here_m - height_m;
-            return;
+            return None;
         }
         let height_m = height_m + self.offset_m;
         let sigma_m = noise.height_m;
@@ -144,17 +150,18 @@ impl Height {
             Some(axis) => axis,
             none => none.insert(Axis::at(height_m, sigma_m * sigma_m)),
         };
+        let normalised = axis.normalised(height_m - axis.position_m, sigma_m);
         if axis.measure_position(height_m, sigma_m) {
             let _ = axis.measure_velocity(climb_mps, noise.climb_mps);
             self.doubted = None;
-        } else {
-            let error = (sigma_m, Duration::ZERO);
-            let Some([begun]) = doubt::begin(&mut self.doubted, now, [height_m], error) else {
-                return;
-            };
-            *axis = begun;
+            self.measured_at = now;
+            return Some(normalised);
         }
+        let error = (sigma_m, Duration::ZERO);
+        let [begun] = doubt::begin(&mut self.doubted, now, [height_m], error)?;
+        *axis = begun;
         self.measured_at = now;
+        None
     }
 
     /// Takes in a height above a level floor, in metres, unless poses tell the height. One that is too far away is rejected, and

@@ -10,6 +10,7 @@ mod axis;
 mod doubt;
 mod flow;
 mod height;
+mod innovations;
 mod past;
 #[cfg(test)]
 mod tests;
@@ -24,6 +25,7 @@ use self::axis::{Axis, correct};
 use self::doubt::Doubt;
 use self::flow::Flow;
 use self::height::Height;
+pub use self::innovations::{Agreement, Innovations};
 use self::past::Past;
 use super::Pose;
 use super::config::{Config, Noise};
@@ -75,6 +77,7 @@ pub(super) struct Estimator {
     doubted: Doubted,
     flow: Option<Flow>,
     known: Known,
+    innovations: Innovations,
 }
 
 /// What agrees with itself, but not with the estimate.
@@ -118,7 +121,12 @@ impl Estimator {
             doubted: Doubted::default(),
             flow: config.flow.map(Flow::new),
             known: Known::by_position(now),
+            innovations: Innovations::default(),
         }
+    }
+
+    pub(super) const fn innovations(&self) -> Innovations {
+        self.innovations
     }
 
     /// The newest attitude; level before the first.
@@ -277,7 +285,10 @@ impl Estimator {
     /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses or ranges tell the
     /// height it only notes how far its own is off, to count on from there.
     pub(super) fn measure_altitude(&mut self, now: Timestamp, altitude: &Altitude) {
-        self.height.measure(now, altitude, &self.noise);
+        let normalised = self.height.measure(now, altitude, &self.noise);
+        if !self.stands {
+            self.innovations.height.count(normalised);
+        }
     }
 
     /// Takes in a fix. One without enough satellites, off the Earth or far from home is rejected.
@@ -293,8 +304,12 @@ impl Estimator {
             speed_mps * libm::sin(course_rad),
         ];
         if self.measure_place(now, [place.north_m(), place.east_m()]) {
+            let sigma_mps = self.noise.velocity_mps;
             for (axis, velocity) in self.horizontal.iter_mut().flatten().zip(velocity) {
-                let _ = axis.measure_velocity(velocity, self.noise.velocity_mps);
+                let normalised = axis.normalised_velocity(velocity, sigma_mps);
+                if axis.measure_velocity(velocity, sigma_mps).is_some() && !self.stands {
+                    self.innovations.velocity.count([normalised]);
+                }
             }
         }
     }
@@ -317,8 +332,19 @@ impl Estimator {
         if let (Some([north, east]), Some(up), Some(past), true) =
             (&mut self.horizontal, &mut self.height.axis, past, is_known)
         {
-            let innovations = std::array::from_fn(|axis| place[axis] - past[axis]);
+            let innovations: [f64; 3] = std::array::from_fn(|axis| place[axis] - past[axis]);
+            let normalised = [
+                north.normalised(innovations[0], sigma_m),
+                east.normalised(innovations[1], sigma_m),
+                up.normalised(innovations[2], sigma_m),
+            ];
             if let Some(by_m) = correct([north, east, up], innovations, sigma_m) {
+                if !self.stands {
+                    self.innovations
+                        .position
+                        .count([normalised[0], normalised[1]]);
+                    self.innovations.height.count([normalised[2]]);
+                }
                 self.past.shift(&by_m);
                 self.known = Known::by_position(now);
                 self.height.pose(now);
@@ -354,7 +380,14 @@ impl Estimator {
             return false;
         };
         let innovations = [to_north - past[0], to_east - past[1]];
+        let normalised = [
+            north.normalised(innovations[0], position_m),
+            east.normalised(innovations[1], position_m),
+        ];
         if let Some(by_m) = correct([north, east], innovations, position_m) {
+            if !self.stands {
+                self.innovations.position.count(normalised);
+            }
             self.past.shift(&by_m);
             self.doubted.fix = None;
             self.known = Known::by_position(now);
