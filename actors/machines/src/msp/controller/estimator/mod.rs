@@ -340,10 +340,9 @@ impl Estimator {
             ];
             if let Some(by_m) = correct([north, east, up], innovations, sigma_m) {
                 if !self.stands {
-                    self.innovations
-                        .position
-                        .count([normalised[0], normalised[1]]);
-                    self.innovations.height.count([normalised[2]]);
+                    let [north, east, up] = normalised;
+                    self.innovations.position.count([north, east]);
+                    self.innovations.height.count([up]);
                 }
                 self.past.shift(&by_m);
                 self.known = Known::by_position(now);
