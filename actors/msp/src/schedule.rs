@@ -17,13 +17,16 @@ pub const RC_PERIOD: Duration = Duration::from_millis(20);
 pub const RC_HOLD: Duration = Duration::from_millis(100);
 /// How long an answer may take before the question counts as lost and is asked again: ten ticks.
 const ANSWER_MAX: Duration = Duration::from_millis(100);
-/// How many questions may wait for their answers while RC is sent, on a line that takes no time. With three, a controller that
-/// serves 77 commands a second, as Betaflight's simulation may, would answer all of them too late: RC takes 50.
-const OUTSTANDING_MIN: usize = 2;
-/// So many may wait if the line takes long: so that it slows no question down.
+/// How many questions may wait for their answers while RC is sent. With one, a line that takes 30 ms each way would bring heights
+/// three times a second, too few to hold one.
 const OUTSTANDING_MAX: usize = 4;
-/// One more may wait for each such time that the quickest answer took: two each 40 ms are more than are asked.
-const LINE_STEP: Duration = Duration::from_millis(40);
+/// So many may wait if answers come too late. A controller that serves 77 commands a second, as Betaflight's simulation may, answers
+/// two in time: RC takes 50.
+const OUTSTANDING_MIN: usize = 2;
+/// After so many answers in time one more may wait, at first. Each time that a later one is late takes twice as many.
+const IN_TIME_MIN: u32 = 16;
+/// No more answers in time are asked for.
+const IN_TIME_MAX: u32 = 1_024;
 /// Time after a question for which its answer shows that the controller lives.
 const LATE_MAX: Duration = Duration::from_secs(2);
 
@@ -207,9 +210,44 @@ pub struct Schedule {
     /// What was asked in that version, the oldest first. A controller answers in this order, so an answer belongs to the oldest
     /// question that it can answer, and what was asked before is not answered any more.
     asked: VecDeque<Asked>,
-    /// How long the quickest answer took.
-    quickest: Duration,
+    window: Window,
     lost: u64,
+}
+
+/// How many questions may wait for their answers while RC is sent.
+///
+/// Invariant: a late answer makes it smaller, a lost one doesn't.
+#[derive(Debug)]
+struct Window {
+    size: usize,
+    /// Answers in time since it changed.
+    in_time: u32,
+    /// After so many it grows.
+    needed: u32,
+}
+
+impl Window {
+    const FIRST: Self = Self {
+        size: OUTSTANDING_MAX,
+        in_time: 0,
+        needed: IN_TIME_MIN,
+    };
+
+    fn answered_in_time(&mut self) {
+        self.in_time += 1;
+        if self.in_time >= self.needed && self.size < OUTSTANDING_MAX {
+            self.size += 1;
+            self.in_time = 0;
+        }
+    }
+
+    fn answered_late(&mut self) {
+        self.in_time = 0;
+        if self.size > OUTSTANDING_MIN {
+            self.size -= 1;
+            self.needed = (2 * self.needed).min(IN_TIME_MAX);
+        }
+    }
 }
 
 const fn due(at: Duration, query: Query) -> Due {
@@ -237,7 +275,7 @@ impl Schedule {
             outstanding: VecDeque::new(),
             version: Version::V1,
             asked: VecDeque::new(),
-            quickest: ANSWER_MAX,
+            window: Window::FIRST,
             lost: 0,
         }
     }
@@ -342,11 +380,10 @@ impl Schedule {
 
     /// While no RC is sent, one question waits at a time, so that a controller that serves few commands a second is in time.
     fn outstanding_max(&self, now: Duration) -> usize {
-        if !self.is_sending(now) {
-            return 1;
+        match self.is_sending(now) {
+            true => self.window.size,
+            false => 1,
         }
-        let steps = self.quickest.as_millis() / LINE_STEP.as_millis();
-        (OUTSTANDING_MIN + steps as usize).min(OUTSTANDING_MAX)
     }
 
     fn next_query(&mut self, now: Duration) -> Option<Query> {
@@ -382,12 +419,15 @@ impl Schedule {
             .and_then(|place| self.outstanding.remove(place));
         let Some(outstanding) = outstanding else {
             self.change_version();
+            self.window.answered_late();
             return Some(Answered::Late);
         };
         self.queries.extend(outstanding.answered(now, is_refused));
-        let delay = now.saturating_sub(asked.at);
-        self.quickest = self.quickest.min(delay);
-        Some(Answered::InTime(outstanding.due.query, delay))
+        self.window.answered_in_time();
+        Some(Answered::InTime(
+            outstanding.due.query,
+            now.saturating_sub(asked.at),
+        ))
     }
 
     /// Two versions do: once one is answered, all answers in the other have come.

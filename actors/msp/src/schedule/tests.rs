@@ -122,7 +122,7 @@ fn late_ticks_lower_no_rate() {
 }
 
 #[test]
-fn two_questions_are_outstanding_while_rc_is_sent_and_one_before() {
+fn four_questions_are_outstanding_while_rc_is_sent_and_one_before() {
     let mut line = Line::new();
     line.answers = false;
     line.run(10, false);
@@ -134,7 +134,7 @@ fn two_questions_are_outstanding_while_rc_is_sent_and_one_before() {
     let seconds = 100 * TICK;
     assert_eq!(
         asked.len() as u128,
-        OUTSTANDING_MIN as u128 * seconds.as_millis() / ANSWER_MAX.as_millis()
+        OUTSTANDING_MAX as u128 * seconds.as_millis() / ANSWER_MAX.as_millis()
     );
 }
 
@@ -334,8 +334,21 @@ fn a_controller_that_serves_72_commands_a_second_answers_in_time_beside_rc() {
         let left = 60.0 * (1.0 / service.as_secs_f64() - 50.0);
         let expected = left.min(60.0 * 34.0);
         assert!(
-            tally.late <= 2 && tally.in_time as f64 > 0.85 * expected,
+            tally.in_time > 10 * tally.late && tally.in_time as f64 > 0.85 * expected,
             "{service_us} µs: {tally:?} of {expected}"
+        );
+    }
+}
+
+/// With two waiting, heights would come too seldom to find the ground.
+#[test]
+fn a_line_that_gets_slow_in_flight_brings_as_many_answers() {
+    for late_ms in [30, 60, 75] {
+        let late = |number| Duration::from_millis(if number < 1_000 { 10 } else { late_ms });
+        let tally = answered(late, |_| false);
+        assert!(
+            tally.in_time > 2_200 && tally.late == 0,
+            "{late_ms} ms: {tally:?}"
         );
     }
 }
@@ -350,12 +363,7 @@ fn a_question_counts_as_lost_once_a_later_one_is_answered() {
     while line.schedule.outstanding.len() < 2 {
         line.run(1, true);
     }
-    let waiting: Vec<Query> = (line.schedule.outstanding.iter())
-        .map(|it| it.due.query)
-        .collect();
-    let [first, second] = waiting[..] else {
-        panic!("two wait: {waiting:?}");
-    };
+    let [first, second] = [0, 1].map(|place: usize| line.schedule.outstanding[place].due.query);
     let lost = line.schedule.lost();
     let answer = (line.schedule).answered(line.now, (second.command, Version::V1), false);
     assert!(matches!(answer, Some(Answered::InTime(..))), "{answer:?}");
