@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use muster_controller::Contact;
-use muster_machines::msp::ControllerLink;
+use muster_controller::{Contact, Settings};
 use muster_machines::msp::controller::Receiver;
+use muster_machines::msp::{ControllerLink, FlightCommand};
 
 use crate::companion::exact;
 use crate::flown::Flown;
@@ -34,6 +34,23 @@ fn lost_receiver_starts_the_failsafe_at_its_delay_and_the_drone_reports_it_withi
             let reported_ms = flown.run_until("the report", |it| it.is_landing());
             assert!(reported_ms <= 300, "{receiver:?}: {reported_ms} ms");
         }
+    }
+}
+
+/// Betaflight's simulation serves 77 commands a second, of which RC takes 50.
+#[test]
+fn a_drone_lands_with_a_controller_that_serves_few_commands() {
+    for serial_period_ms in [10, 11, 12, 13] {
+        let simulated = |settings| {
+            exact(Settings {
+                serial_period_ms,
+                ..settings
+            })
+        };
+        let mut flown = Flown::new(Receiver::Sole, 10, None, simulated, |link| link);
+        flown.command(FlightCommand::Land);
+        flown.run_until("landed", |it| !it.truth().is_armed);
+        assert_eq!(flown.truth().contact, Contact::Ground);
     }
 }
 
