@@ -1,4 +1,7 @@
 //! The aircraft of a firmware in real time: 1,000 steps a second.
+//!
+//! A board doesn't stand still, but a firmware on a busy host does at times, and so does the thread of its aircraft. An aircraft
+//! that went on with the motors' last duties would tip over: 0.2 s are enough for 0.4 m. So it waits.
 
 use std::io;
 use std::net::{Ipv4Addr, UdpSocket};
@@ -9,12 +12,57 @@ use std::time::{Duration, Instant};
 use muster_controller::{InLoop, MOTORS_BYTES, Truth};
 use muster_machines::time::Timestamp;
 use muster_port::raise_priority;
+use muster_scenarios::report::FirmwareStalls;
 
 /// Where the firmware takes the aircraft's state, and where it sends its motors'.
 const STATE: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 9003);
 const MOTORS: (Ipv4Addr, u16) = (Ipv4Addr::LOCALHOST, 9002);
 /// From one state to the next.
 const STEP: Duration = Duration::from_millis(1);
+/// Longest time between two packets of motors that is no stall. On a calm host it is up to 17 ms.
+const STALL_MIN: Duration = Duration::from_millis(20);
+/// The aircraft waits no longer than this: a firmware that is gone doesn't keep it in the air.
+const WAIT_MAX: Duration = Duration::from_millis(500);
+
+/// What is seen of an aircraft.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen {
+    pub(super) truth: Truth,
+    /// How often the firmware stood still in flight.
+    pub(super) stalls: FirmwareStalls,
+}
+
+/// The clock of an aircraft, which stands still while its firmware does.
+#[derive(Debug, Default)]
+struct Pace {
+    /// The aircraft's time.
+    now: Timestamp,
+    /// Real time of the last step.
+    at: Duration,
+    /// Real time of the newest motors. `None` before the first.
+    told_at: Option<Duration>,
+    stalls: FirmwareStalls,
+}
+
+impl Pace {
+    /// The aircraft's time at a real time. `is_told`: motors have come since the last step. `flies`: some motor turns.
+    fn step(&mut self, at: Duration, is_told: bool, flies: bool) -> Timestamp {
+        let passed = at.saturating_sub(self.at).min(STALL_MIN);
+        self.at = at;
+        let silent = self.told_at.map_or(Duration::ZERO, |it| at - it);
+        if is_told {
+            if flies && silent > STALL_MIN {
+                self.stalls.note(silent);
+            }
+            self.told_at = Some(at);
+        }
+        let waits = flies && !is_told && (STALL_MIN..WAIT_MAX).contains(&silent);
+        if !waits {
+            self.now += passed;
+        }
+        self.now
+    }
+}
 
 /// Opens the socket to the firmware in this thread's network.
 pub(super) fn open() -> io::Result<UdpSocket> {
@@ -23,30 +71,94 @@ pub(super) fn open() -> io::Result<UdpSocket> {
     Ok(socket)
 }
 
-/// Moves an aircraft, and shows the truth about it, until `shown` is dropped. `started`: its time zero.
+/// Moves an aircraft, and shows the truth about it, until `seen` is dropped. `started`: its time zero.
 pub(super) fn run(
     mut aircraft: InLoop,
-    shown: &Weak<Mutex<Truth>>,
+    seen: &Weak<Mutex<Seen>>,
     started: Instant,
     socket: &UdpSocket,
 ) {
     // Without it a busy machine looks like a lost sensor.
     let _ = raise_priority();
     let mut packet = [0; MOTORS_BYTES + 1];
+    let (mut pace, mut flies) = (Pace::default(), false);
     let mut due = Instant::now();
-    while let Some(shown) = shown.upgrade() {
-        let now = Timestamp::ZERO + started.elapsed();
+    while let Some(seen) = seen.upgrade() {
+        let mut newest = None;
         while let Ok(length) = socket.recv(&mut packet) {
+            newest = Some(length);
+        }
+        let now = pace.step(started.elapsed(), newest.is_some(), flies);
+        if let Some(length) = newest {
             aircraft.receive(now, &packet[..length]);
         }
         // A state that the firmware misses is followed by the next.
         drop(socket.send_to(&aircraft.transmit(now), STATE));
+        let truth = aircraft.aircraft(now);
+        flies = truth.is_armed;
         // A thread that looks has a lower priority and may be kept waiting while it holds the lock.
-        if let Ok(mut shown) = shown.try_lock() {
-            *shown = aircraft.aircraft(now);
+        if let Ok(mut seen) = seen.try_lock() {
+            *seen = Seen {
+                truth,
+                stalls: pace.stalls,
+            };
         }
-        drop(shown);
+        drop(seen);
         due = (due + STEP).max(Instant::now());
         thread::sleep(due.saturating_duration_since(Instant::now()));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn ms(it: u64) -> Duration {
+        Duration::from_millis(it)
+    }
+
+    /// Real time goes on to `until` in steps of 1 ms; motors come with each, or not at all. Returns the aircraft's time.
+    fn pass(pace: &mut Pace, until: u64, is_told: bool, flies: bool) -> Duration {
+        while pace.at < ms(until) {
+            pace.step(pace.at + STEP, is_told, flies);
+        }
+        pace.now.since(Timestamp::ZERO)
+    }
+
+    #[test]
+    fn aircraft_waits_for_a_firmware_that_stands_still_in_flight() {
+        let mut pace = Pace::default();
+        assert_eq!(pass(&mut pace, 100, true, true), ms(100));
+        assert_eq!(pass(&mut pace, 400, false, true), ms(119));
+        assert_eq!(pass(&mut pace, 500, true, true), ms(219));
+        assert_eq!(pace.stalls.count, 1);
+        assert!((pace.stalls.longest_s - 0.301).abs() < 1e-9);
+    }
+
+    #[test]
+    fn aircraft_flies_on_without_a_firmware_that_is_gone() {
+        let mut pace = Pace::default();
+        pass(&mut pace, 100, true, true);
+        assert_eq!(pass(&mut pace, 1_100, false, true), ms(620));
+        assert_eq!(pace.stalls, FirmwareStalls::default());
+    }
+
+    #[test]
+    fn aircraft_waits_where_its_own_thread_stood_still() {
+        let mut pace = Pace::default();
+        pass(&mut pace, 100, true, true);
+        let now = pace.step(ms(300), false, true);
+        assert_eq!(now.since(Timestamp::ZERO), ms(100));
+        assert_eq!(pass(&mut pace, 400, true, true), ms(200));
+        assert_eq!(pace.stalls.count, 1);
+    }
+
+    #[test]
+    fn nothing_waits_on_the_ground() {
+        let mut pace = Pace::default();
+        pass(&mut pace, 100, true, false);
+        assert_eq!(pass(&mut pace, 400, false, false), ms(400));
+        pass(&mut pace, 500, true, false);
+        assert_eq!(pace.stalls, FirmwareStalls::default());
     }
 }

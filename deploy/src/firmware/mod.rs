@@ -19,8 +19,10 @@ use muster_controller::{CHANNELS, Config, InLoop, Truth};
 use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
 use muster_port::raise_priority;
+use muster_scenarios::report::FirmwareStalls;
 use tempfile::TempDir;
 
+use self::body::Seen;
 use self::network::Network;
 use crate::controller::{lock, wait};
 use crate::pilot::LivePilot;
@@ -59,8 +61,8 @@ pub struct Setup {
 /// A firmware that runs, and its aircraft. Both end with it.
 #[derive(Debug)]
 pub struct Firmware {
-    /// The truth about the aircraft a moment ago.
-    truth: Arc<Mutex<Truth>>,
+    /// What was seen of the aircraft a moment ago.
+    seen: Arc<Mutex<Seen>>,
     network: Arc<Network>,
     process: Child,
     /// `None` without a pilot's receiver.
@@ -107,7 +109,10 @@ impl Firmware {
         let started = Instant::now();
         let mut aircraft = InLoop::new(setup.config, setup.seed, Timestamp::ZERO);
         let mut firmware = Self {
-            truth: Arc::new(Mutex::new(aircraft.aircraft(Timestamp::ZERO))),
+            seen: Arc::new(Mutex::new(Seen {
+                truth: aircraft.aircraft(Timestamp::ZERO),
+                stalls: FirmwareStalls::default(),
+            })),
             network: Arc::new(network),
             process,
             pilot: None,
@@ -115,15 +120,15 @@ impl Firmware {
             _folder: folder,
         };
         let socket = firmware.network.inside(body::open)?;
-        let shown = Arc::downgrade(&firmware.truth);
+        let seen = Arc::downgrade(&firmware.seen);
         let thread = thread::Builder::new().name("aircraft".to_owned());
-        thread.spawn(move || body::run(aircraft, &shown, started, &socket))?;
+        thread.spawn(move || body::run(aircraft, &seen, started, &socket))?;
         if setup.receiver == Receiver::Override {
             firmware.pilot = Some(firmware.start_pilot(started)?);
         }
         if let Some(source) = setup.pose {
-            let truth = Arc::downgrade(&firmware.truth);
-            source.start(move || Some(lock(&*truth.upgrade()?).position))?;
+            let truth = firmware.watched();
+            source.start(move || Some(truth()?.position))?;
         }
         Ok(firmware)
     }
@@ -133,10 +138,8 @@ impl Firmware {
         let radio = self
             .network
             .inside(|| UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)))?;
-        let truth = Arc::downgrade(&self.truth);
-        let see = move || Some(*lock(&*truth.upgrade()?));
         // A frame that the firmware misses is followed by the next.
-        LivePilot::start(see, move |channels| {
+        LivePilot::start(self.watched(), move |channels| {
             drop(radio.send_to(&frame(started.elapsed(), channels), RADIO));
         })
     }
@@ -149,7 +152,19 @@ impl Firmware {
     /// The truth about its aircraft, some milliseconds old.
     #[must_use]
     pub fn truth(&self) -> Truth {
-        *lock(&self.truth)
+        lock(&self.seen).truth
+    }
+
+    /// How often it stood still in flight, since the host was busy. Its aircraft waited meanwhile.
+    #[must_use]
+    pub fn stalls(&self) -> FirmwareStalls {
+        lock(&self.seen).stalls
+    }
+
+    /// The truth about its aircraft, until it is dropped.
+    fn watched(&self) -> impl Fn() -> Option<Truth> + Send + 'static {
+        let seen = Arc::downgrade(&self.seen);
+        move || Some(lock(&*seen.upgrade()?).truth)
     }
 
     /// Tells a drone how the ground moves beneath its aircraft, until it is dropped.
@@ -157,8 +172,7 @@ impl Firmware {
     /// # Errors
     /// If the system starts no thread.
     pub(crate) fn measure_flow(&self, source: FlowSource) -> io::Result<()> {
-        let truth = Arc::downgrade(&self.truth);
-        source.start(move || Some(*lock(&*truth.upgrade()?)))
+        source.start(self.watched())
     }
 
     /// Carries bytes between the firmware and who connects to `listener`, one connection after the other, until it is

@@ -17,6 +17,7 @@ use muster_port::raise_priority;
 use muster_runtime::plan::Plan;
 use muster_runtime::vehicle::VehicleKind;
 use muster_scenarios::controllers::{LOOK_EVERY, config, flow_errors, pose_errors};
+use muster_scenarios::report::FirmwareStalls;
 use muster_scenarios::scenario::{ControllerFault, Scenario};
 
 use crate::controller::LiveController;
@@ -154,6 +155,14 @@ impl Kind {
         }
     }
 
+    /// How often it stood still in flight. `None` of our simulation: it moves with its aircraft.
+    fn stalls(&self) -> Option<FirmwareStalls> {
+        match self {
+            Self::Simulated(..) => None,
+            Self::Firmware(firmware) => Some(firmware.stalls()),
+        }
+    }
+
     /// The sticks since the last call. `None` from firmware: it gets them by itself.
     fn take_sticks(&self) -> Option<Sticks> {
         match self {
@@ -219,6 +228,12 @@ impl Controllers {
                 (*id, truth, flown.controller.take_sticks())
             })
         })
+    }
+
+    /// How often firmware stood still in flight, all drones together. `None` without one.
+    pub(super) fn stalls(&self) -> Option<FirmwareStalls> {
+        let all = self.0.values().filter_map(|it| it.controller.stalls());
+        all.reduce(FirmwareStalls::joined)
     }
 
     /// The drones' pilots, if there are any, see which drones are to take off.

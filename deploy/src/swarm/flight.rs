@@ -94,8 +94,10 @@ async fn fly_with<'a>(
         }
     }
     swarm.wait_for_exit().await;
-    let elapsed = swarm.elapsed();
-    Ok(swarm.judge.finish().finish(request.scenario, elapsed))
+    let (elapsed, stalls) = (swarm.elapsed(), swarm.controllers.stalls());
+    let (mut report, flight) = swarm.judge.finish().finish(request.scenario, elapsed);
+    report.firmware_stalls = stalls;
+    Ok((report, flight))
 }
 
 fn termination_signals() -> std::io::Result<[Signal; 2]> {
@@ -308,8 +310,10 @@ impl<'a> Swarm<'a> {
     fn interrupt(mut self) -> (Report, Flight) {
         self.advance();
         self.judge.catch_up(&self.live);
-        let elapsed = self.elapsed();
-        (self.judge.twin).interrupt(self.request.scenario, elapsed)
+        let (elapsed, stalls) = (self.elapsed(), self.controllers.stalls());
+        let (mut report, flight) = (self.judge.twin).interrupt(self.request.scenario, elapsed);
+        report.firmware_stalls = stalls;
+        (report, flight)
     }
 
     /// Waits for the processes to exit by themselves and takes their last reports. Their launchers kill the rest.

@@ -13,6 +13,7 @@ mod recordings;
 #[cfg(test)]
 pub(crate) mod sample;
 mod simplify;
+mod stalls;
 mod summary;
 pub(crate) mod table;
 mod tracks;
@@ -30,6 +31,7 @@ pub use history::{
 pub use html::scaling::{Scaling, scaling};
 pub use html::{document, page};
 pub use recordings::Recording;
+pub use stalls::FirmwareStalls;
 pub use table::{Colour, STYLE as TABLE_STYLE, table};
 pub use tracks::tracks;
 pub use write::{REPORT_HTML, REPORT_JSON, ReportFiles, TRACKS_CSV, WriteError, write};
@@ -73,6 +75,9 @@ pub struct Report {
     /// File name of the program that was the drones' flight controllers. `None` if they were simulated, or there were none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub firmware: Option<String>,
+    /// Times in flight at which that program stood still, all drones together. `None` without such a program.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub firmware_stalls: Option<FirmwareStalls>,
     /// Drones, by id.
     pub drones: Vec<DroneReport>,
     /// Pure relays, by id.

@@ -40,6 +40,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
     let report = Report {
         elections: Vec::new(),
         firmware: None,
+        firmware_stalls: None,
         scenario: "scenarios/thesis-2.toml".to_owned(),
         seed: 7,
         overrides: Vec::new(),

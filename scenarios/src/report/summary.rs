@@ -79,6 +79,7 @@ impl Run<'_> {
             wall_s: self.wall.as_secs_f64(),
             clock_uncertainty_s: None,
             firmware: None,
+            firmware_stalls: None,
             means: means(&drones),
             drones,
             relays: relays(swarm, joins, flown),

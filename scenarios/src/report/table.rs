@@ -7,7 +7,9 @@ use comfy_table::{
 
 use super::agents;
 use super::figures::{count, speedup_text};
-use super::{DroneReport, Election, FormationChange, FormationError, Report, Role, Violation};
+use super::{
+    DroneReport, Election, FirmwareStalls, FormationChange, FormationError, Report, Role, Violation,
+};
 use muster_runtime::text::{NO_VALUE, drones, figure, figure_or_dash, plural, ranges};
 
 /// Whether text has colours.
@@ -182,6 +184,9 @@ fn summary(report: &Report) -> Vec<(&'static str, String)> {
     if let Some(uncertainty_s) = report.clock_uncertainty_s {
         let uncertainty_ms = figure(uncertainty_s * 1e3, 2);
         lines.push(("clocks", format!("error at most {uncertainty_ms} ms")));
+    }
+    if let Some(stalls) = report.firmware_stalls.and_then(FirmwareStalls::text) {
+        lines.push(("firmware", stalls));
     }
     if let Some(separation_m) = report.min_separation_m {
         lines.push((

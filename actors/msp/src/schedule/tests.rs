@@ -325,7 +325,7 @@ fn a_controller_that_serves_few_commands_is_asked_only_as_many() {
     }
 }
 
-/// Betaflight's simulation serves 77 to 92.
+/// Betaflight's simulation serves 70 to 92.
 #[test]
 fn a_controller_that_serves_72_commands_a_second_answers_in_time_beside_rc() {
     for service_us in [10_000, 11_000, 12_000, 13_000, 13_800] {

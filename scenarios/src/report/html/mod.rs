@@ -17,7 +17,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 use super::figures::speedup_text;
 use super::table::UNCHECKED;
 use super::write::{REPORT_JSON, TRACKS_CSV};
-use super::{Flight, Report};
+use super::{FirmwareStalls, Flight, Report};
 use muster_runtime::text::{figure, figure_or_dash, plural};
 
 /// Style sheet of all pages.
@@ -89,6 +89,9 @@ fn head(report: &Report) -> Markup {
                     } }
                     @if let Some(uncertainty_s) = report.clock_uncertainty_s {
                         div { dt { "Clock error at most" } dd { (figure(uncertainty_s * 1e3, 2)) " ms" } }
+                    }
+                    @if let Some(stalls) = report.firmware_stalls.and_then(FirmwareStalls::text) {
+                        div { dt { "Firmware" } dd { (stalls) } }
                     }
                 }
             }

@@ -21,6 +21,9 @@ const CORRECTION_MAX_MPS: f64 = 4.0;
 const INTEGRAL_MAX_MPS2: f64 = 3.0;
 /// Time constant of the wind that counts once the position is lost, in seconds.
 const STEADY_S: f64 = 15.0;
+/// Largest change of the horizontal acceleration on level flight, in m/s³: a tilt changes by at most 220°/s, PX4's default limit of
+/// roll and pitch rates (`MC_ROLLRATE_MAX`).
+const SLEW_MAX_MPS3: f64 = 37.6;
 /// Largest vertical acceleration either way, beside what is integrated, in m/s².
 const CLIMB_MAX_MPS2: f64 = 4.0;
 
@@ -56,6 +59,8 @@ pub(super) struct Control {
     integral: Vector3<f64>,
     /// Its horizontal part as it was for [`STEADY_S`], without what noise adds.
     steady: Vector2<f64>,
+    /// The horizontal acceleration of the last sticks, in m/s².
+    level_mps2: Vector2<f64>,
     /// The acceleration downwards of the last sticks, in m/s².
     down_mps2: f64,
     /// Whether thrust had no effect.
@@ -68,6 +73,7 @@ impl Control {
             gains,
             integral: Vector3::new(0.0, 0.0, 0.0),
             steady: Vector2::new(0.0, 0.0),
+            level_mps2: Vector2::new(0.0, 0.0),
             down_mps2: 0.0,
             is_weak: false,
         }
@@ -166,7 +172,7 @@ impl Control {
             + error.component_mul(&per_s)
             + self.integral;
         let most = GRAVITY_MPS2 * libm::tan(gains.tilt_max_rad);
-        let mut level = asked.xy().cap_magnitude(most);
+        let level = asked.xy().cap_magnitude(most);
         let is_level_beyond = level != asked.xy();
         let down = within(&self.down_limits_mps2(), asked.z);
         self.down_mps2 = down;
@@ -176,12 +182,7 @@ impl Control {
             growth.z = 0.0;
         }
         self.integral.z = within(&self.integral_limits_mps2(), self.integral.z + growth.z);
-        if lean != Lean::Free {
-            level = match lean {
-                Lean::Steady => self.steady,
-                Lean::Level | Lean::Free => Vector2::zeros(),
-            };
-        } else {
+        if lean == Lean::Free {
             self.steady += (self.integral.xy() - self.steady) * (seconds / STEADY_S).min(1.0);
             if !is_level_beyond {
                 let integral = self.integral.xy() + growth.xy();
@@ -189,6 +190,13 @@ impl Control {
                 (self.integral.x, self.integral.y) = (integral.x, integral.y);
             }
         }
+        let by = |to: Vector2<f64>| (to - self.level_mps2).cap_magnitude(SLEW_MAX_MPS3 * seconds);
+        self.level_mps2 = match lean {
+            Lean::Level => Vector2::zeros(),
+            Lean::Steady => self.level_mps2 + by(self.steady),
+            Lean::Free => self.level_mps2 + by(level),
+        };
+        let level = self.level_mps2;
         self.sticks(Vector3::new(level.x, level.y, down), tilt)
     }
 
@@ -263,12 +271,18 @@ mod tests {
         }
     }
 
+    /// Sticks after 0.3 s: it leans by then as it is to.
     fn sticks(estimate: &Estimate, yaw_deg: f64, lean: Lean) -> Sticks {
         let tilt = Tilt {
             yaw_rad: yaw_deg.to_radians(),
             ..Tilt::default()
         };
-        Control::new(Gains::QUADCOPTER).step(0.02, &reference(), estimate, tilt, (lean, false))
+        let mut control = Control::new(Gains::QUADCOPTER);
+        let mut step = || control.step(0.02, &reference(), estimate, tilt, (lean, false));
+        for _ in 0..14 {
+            step();
+        }
+        step()
     }
 
     #[test]
@@ -282,6 +296,30 @@ mod tests {
         let low = sticks(&estimate(0.0, 0.0, 3.0), 0.0, Lean::Free);
         let high = sticks(&estimate(0.0, 0.0, -3.0), 0.0, Lean::Free);
         assert!(low.throttle > high.throttle);
+    }
+
+    #[test]
+    fn it_leans_over_at_no_more_than_220_degrees_a_second() {
+        let mut control = Control::new(Gains::QUADCOPTER);
+        let far = estimate(-50.0, 0.0, 0.0);
+        let mut tilt_deg = || {
+            let sticks = control.step(
+                0.02,
+                &reference(),
+                &far,
+                Tilt::default(),
+                (Lean::Free, false),
+            );
+            let stick = (f64::from(sticks.pitch.us()) - 1_500.0) / 500.0;
+            StickResponse::ASSUMED.tilt_rad(stick).to_degrees()
+        };
+        let tilts: Vec<_> = (0..12).map(|_| tilt_deg()).collect();
+        let steps = tilts.windows(2).map(|it| it[1] - it[0]);
+        assert!(
+            tilts[0] < 4.6 && steps.clone().all(|it| it < 4.6),
+            "{tilts:?}"
+        );
+        assert!((tilts[11] - 35.0).abs() < 0.2, "{tilts:?}");
     }
 
     /// A defect of the indoor thesis's code: the "derivative" gain acted on the previous error.
@@ -308,6 +346,10 @@ mod tests {
                 control.step(0.02, &reference(), estimate, tilt, (Lean::Free, false))
             };
             step(before);
+            // Until it leans as it is to.
+            for _ in 0..14 {
+                step(&south);
+            }
             step(&south)
         };
         assert_eq!(after(&south), after(&estimate(3.0, 1.0, 1.0)));
@@ -322,7 +364,11 @@ mod tests {
         for _ in 0..100 {
             step(Lean::Free);
         }
-        let (free, steady) = (step(Lean::Free), step(Lean::Steady));
+        let free = step(Lean::Free);
+        for _ in 0..14 {
+            step(Lean::Steady);
+        }
+        let steady = step(Lean::Steady);
         assert!(Channel::CENTRE < steady.pitch && steady.pitch < free.pitch);
         assert_eq!(step(Lean::Steady), steady);
     }

@@ -1,5 +1,6 @@
 //! The reference that the vehicle is to follow, and whether it does.
 
+use std::collections::VecDeque;
 use std::time::Duration;
 
 use nalgebra::Vector3;
@@ -19,8 +20,41 @@ const REST_MPS: f64 = 0.4;
 const PRESS_MPS3: f64 = 4.0;
 /// How long a vehicle must be still before it is pressed: one that sinks slowly isn't.
 const STILL_FOR: Duration = Duration::from_secs(1);
+/// Time over which the reference is averaged, so that its acceleration doesn't jump: at most 5 m/s³ of jerk for each m/s² by
+/// which a leg's acceleration changes, and a tenth of a second of delay. PX4 limits it to 4 m/s³ where a leg accelerates with
+/// 3 m/s² (`MPC_JERK_AUTO`, `MPC_ACC_HOR`), which would delay a leg by 0.4 s.
+const AVERAGED: Duration = Duration::from_millis(200);
 /// Distance from the reference beyond which it starts anew where the vehicle is, in metres: it could not follow.
 const LEFT_BEHIND_M: f64 = 8.0;
+
+/// The mean of the last references: a motion whose acceleration doesn't jump.
+#[derive(Debug, Default)]
+struct Smooth(VecDeque<(Timestamp, Reference)>);
+
+impl Smooth {
+    /// The mean with another reference.
+    fn with(&mut self, now: Timestamp, reference: Reference) -> Reference {
+        while (self.0.front()).is_some_and(|(at, _)| now.since(*at) >= AVERAGED) {
+            self.0.pop_front();
+        }
+        self.0.push_back((now, reference));
+        let share = 1.0 / self.0.len() as f64;
+        let mean = |of: fn(&Reference) -> Vector3<f64>| {
+            let all = self.0.iter().map(|(_, reference)| of(reference));
+            all.sum::<Vector3<f64>>() * share
+        };
+        Reference {
+            position: Ned(mean(|it| it.position.0)),
+            velocity: Velocity(mean(|it| it.velocity.0)),
+            acceleration: mean(|it| it.acceleration),
+        }
+    }
+
+    /// The next reference follows on none.
+    fn begin(&mut self) {
+        self.0.clear();
+    }
+}
 
 /// The reference motion.
 #[derive(Debug)]
@@ -28,6 +62,7 @@ pub(super) struct Guidance {
     landing: Landing,
     /// `None` on the ground, before the first setpoint.
     motion: Option<Motion>,
+    smooth: Smooth,
     setpoint: Option<Setpoint>,
     /// Where it began to fly to the setpoint. `None` also once a pilot flew it elsewhere.
     from: Option<Ned>,
@@ -37,10 +72,11 @@ pub(super) struct Guidance {
 }
 
 impl Guidance {
-    pub(super) const fn new(landing: Landing) -> Self {
+    pub(super) fn new(landing: Landing) -> Self {
         Self {
             landing,
             motion: None,
+            smooth: Smooth::default(),
             setpoint: None,
             from: None,
             is_landing: false,
@@ -145,11 +181,12 @@ impl Guidance {
         }
         let piece = motion.piece(now).map(|(piece, _)| piece);
         let flown = piece.filter(|piece| now < piece.end);
-        Some(Reference {
+        let reference = Reference {
             position,
             velocity: Velocity(motion.velocity(now).unwrap_or_default()),
             acceleration: flown.map_or(Vector3::zeros(), |piece| piece.acceleration()),
-        })
+        };
+        Some(self.smooth.with(now, reference))
     }
 
     /// The reference where the ground should be. It may be lower than where the vehicle took off, and the barometer drifts: so
@@ -176,6 +213,7 @@ impl Guidance {
         let ground = ground.map(|it| estimate.position.at_altitude(it.position(now).altitude_m()));
         if let Some(there) = ground.filter(|it| it.distance_m(estimate.position) <= LEFT_BEHIND_M) {
             self.motion = Some(Motion::at_rest(there));
+            self.smooth.begin();
             return;
         }
         let on_course = self.on_course(estimate);
@@ -186,6 +224,7 @@ impl Guidance {
         if self.motion.is_none() {
             return;
         }
+        self.smooth.begin();
         let mut motion = Motion::at_rest(from.position);
         let later = now + Duration::from_secs(1);
         motion.observe(now, from.position, from.velocity, later);
@@ -232,5 +271,58 @@ impl Guidance {
         };
         let braking = motion.stop(now) - motion.position(now);
         estimate.position + braking
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn at(milliseconds: u64) -> Timestamp {
+        Timestamp::from_nanos(milliseconds * 1_000_000)
+    }
+
+    /// A leg of 10 m north at 3 m/s with 2 m/s², every 20 ms.
+    fn leg() -> Vec<Reference> {
+        let landing = Landing {
+            descent_mps: 1.0,
+            final_mps: 0.5,
+            final_altitude_m: 2.0,
+            acceleration_mps2: 1.0,
+        };
+        let mut guidance = Guidance::new(landing);
+        let still = Estimate {
+            position: Ned::HOME,
+            velocity: Velocity::ZERO,
+        };
+        let setpoint = Setpoint::Leg {
+            to: Ned::new(10.0, 0.0, 0.0),
+            speed_mps: 3.0,
+            acceleration_mps2: 2.0,
+        };
+        guidance.fly(at(0), setpoint, &still);
+        let mut estimate = still;
+        let times = (0..400).map(|it| at(20 * it));
+        let references = times.map(|now| {
+            let reference = guidance.reference(now, &estimate, Duration::ZERO, false);
+            let reference = reference.expect("it has a setpoint");
+            (estimate.position, estimate.velocity) = (reference.position, reference.velocity);
+            reference
+        });
+        references.collect()
+    }
+
+    #[test]
+    fn reference_of_a_leg_ends_where_the_leg_does_and_its_acceleration_never_jumps() {
+        let leg = leg();
+        let end = leg[399].position;
+        assert!(end.distance_m(Ned::new(10.0, 0.0, 0.0)) < 1e-9, "{end:?}");
+        for pair in leg.windows(2) {
+            let jerk_mps3 = (pair[1].acceleration - pair[0].acceleration).norm() / 0.02;
+            assert!(jerk_mps3 <= 10.0 + 1e-9, "{pair:?}");
+            let moved = pair[1].position.0 - pair[0].position.0;
+            let meant = (pair[0].velocity.0 + pair[1].velocity.0) * 0.01;
+            assert!((moved - meant).norm() < 0.005, "{pair:?}");
+        }
     }
 }

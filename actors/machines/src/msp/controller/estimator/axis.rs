@@ -12,6 +12,15 @@ pub(super) struct Axis {
     covariance: [f64; 3],
 }
 
+/// What an accepted measurement changed on an axis.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Correction {
+    /// By how much the position changed, in metres.
+    pub(super) by_m: f64,
+    /// What the measurement differed by from the prediction, in standard deviations of the difference.
+    pub(super) normalised: f64,
+}
+
 impl Axis {
     /// At rest, as far as is known: within 1 m/s.
     pub(super) const fn at(position_m: f64, variance_m2: f64) -> Self {
@@ -55,26 +64,30 @@ impl Axis {
         ];
     }
 
-    /// Takes in a measured position. Returns whether it was near enough.
-    pub(super) fn measure_position(&mut self, measured_m: f64, sigma_m: f64) -> bool {
+    /// Takes in a measured position. `None`, and changes nothing, if it is too far away.
+    pub(super) fn measure_position(&mut self, measured_m: f64, sigma_m: f64) -> Option<Correction> {
         let innovation_m = measured_m - self.position_m;
-        correct([self], [innovation_m], sigma_m).is_some()
+        correct([self], [innovation_m], sigma_m).map(|[it]| it)
     }
 
-    /// What a measured position differs by from the prediction, in standard deviations of the difference.
-    pub(super) fn normalised(&self, innovation_m: f64, sigma_m: f64) -> f64 {
-        innovation_m / libm::sqrt(self.covariance[0] + sigma_m * sigma_m)
-    }
-
-    /// What a measured velocity differs by from the prediction, in standard deviations of the difference.
-    pub(super) fn normalised_velocity(&self, measured_mps: f64, sigma_mps: f64) -> f64 {
-        let variance = self.covariance[2] + sigma_mps * sigma_mps;
-        (measured_mps - self.velocity_mps) / libm::sqrt(variance)
-    }
-
-    /// Whether a position that differs so much from the prediction is near enough to it.
-    fn is_near(&self, innovation_m: f64, sigma_m: f64) -> bool {
-        self.normalised(innovation_m, sigma_m).abs() <= GATE
+    /// Takes in a measured velocity. `None`, and changes nothing, if it is too far away.
+    pub(super) fn measure_velocity(
+        &mut self,
+        measured_mps: f64,
+        sigma_mps: f64,
+    ) -> Option<Correction> {
+        let [pp, pv, vv] = self.covariance;
+        let variance = vv + sigma_mps * sigma_mps;
+        let innovation = measured_mps - self.velocity_mps;
+        let normalised = normalised_if_near(innovation, variance)?;
+        let (gain_p, gain_v) = (pv / variance, vv / variance);
+        self.position_m += gain_p * innovation;
+        self.velocity_mps += gain_v * innovation;
+        self.covariance = [pp - gain_p * pv, pv - gain_p * vv, vv - gain_v * vv];
+        Some(Correction {
+            by_m: gain_p * innovation,
+            normalised,
+        })
     }
 
     /// Corrects the motion by what a measured position differs from the prediction. Returns by how much the position changes.
@@ -87,37 +100,31 @@ impl Axis {
         self.covariance = [pp - gain_p * pp, pv - gain_p * pv, vv - gain_v * pv];
         gain_p * innovation_m
     }
-
-    /// Takes in a measured velocity. Returns by how much the position changes; `None` if the velocity is too far away.
-    pub(super) fn measure_velocity(&mut self, measured_mps: f64, sigma_mps: f64) -> Option<f64> {
-        let [pp, pv, vv] = self.covariance;
-        let variance = vv + sigma_mps * sigma_mps;
-        let innovation = measured_mps - self.velocity_mps;
-        if innovation * innovation > GATE * GATE * variance {
-            return None;
-        }
-        let (gain_p, gain_v) = (pv / variance, vv / variance);
-        self.position_m += gain_p * innovation;
-        self.velocity_mps += gain_v * innovation;
-        self.covariance = [pp - gain_p * pv, pv - gain_p * vv, vv - gain_v * vv];
-        Some(gain_p * innovation)
-    }
 }
 
-/// Corrects axes by what one measurement of their positions differs from the predictions. Returns by how much the positions
-/// change; `None`, and changes nothing, if the measurement is too far away on any axis.
+/// An innovation in its standard deviations. `None` if it is too large, or not a number.
+fn normalised_if_near(innovation: f64, variance: f64) -> Option<f64> {
+    let normalised = innovation / libm::sqrt(variance);
+    (normalised.abs() <= GATE).then_some(normalised)
+}
+
+/// Corrects axes by what one measurement of their positions differs from the predictions. `None`, and changes nothing, if the
+/// measurement is too far away on any axis.
 pub(super) fn correct<const N: usize>(
     axes: [&mut Axis; N],
     innovations_m: [f64; N],
     sigma_m: f64,
-) -> Option<[f64; N]> {
-    let mut pairs = axes.iter().zip(innovations_m);
-    if !pairs.all(|(axis, innovation_m)| axis.is_near(innovation_m, sigma_m)) {
-        return None;
+) -> Option<[Correction; N]> {
+    let mut corrections = innovations_m.map(|by_m| Correction {
+        by_m,
+        normalised: 0.0,
+    });
+    for (axis, correction) in axes.iter().zip(&mut corrections) {
+        let variance = axis.covariance[0] + sigma_m * sigma_m;
+        correction.normalised = normalised_if_near(correction.by_m, variance)?;
     }
-    let mut by_m = innovations_m;
-    for (axis, by_m) in axes.into_iter().zip(&mut by_m) {
-        *by_m = axis.correct(*by_m, sigma_m);
+    for (axis, correction) in axes.into_iter().zip(&mut corrections) {
+        correction.by_m = axis.correct(correction.by_m, sigma_m);
     }
-    Some(by_m)
+    Some(corrections)
 }

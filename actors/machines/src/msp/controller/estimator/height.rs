@@ -5,7 +5,7 @@ use std::time::Duration;
 use muster_msp::Altitude;
 
 use super::LOST_AFTER;
-use super::axis::Axis;
+use super::axis::{Axis, Correction};
 use super::doubt::{self, Doubt};
 use crate::msp::controller::config::Noise;
 use crate::time::Timestamp;
@@ -126,14 +126,13 @@ impl Height {
     }
 
     /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses or ranges tell the
-    /// height it only notes how far its own is off, to count on from there. Returns what it differs by from the prediction, in
-    /// standard deviations, if it was accepted.
+    /// height it only notes how far its own is off, to count on from there. Returns what an accepted height changed.
     pub(super) fn measure(
         &mut self,
         now: Timestamp,
         altitude: &Altitude,
         noise: &Noise,
-    ) -> Option<f64> {
+    ) -> Option<Correction> {
         let height_m = f64::from(altitude.altitude_cm) / 100.0;
         let climb_mps = f64::from(altitude.climb_cmps) / 100.0;
         if height_m.abs() > HEIGHT_MAX_M || climb_mps.abs() > CLIMB_MAX_MPS {
@@ -150,12 +149,11 @@ impl Height {
             Some(axis) => axis,
             none => none.insert(Axis::at(height_m, sigma_m * sigma_m)),
         };
-        let normalised = axis.normalised(height_m - axis.position_m, sigma_m);
-        if axis.measure_position(height_m, sigma_m) {
+        if let Some(correction) = axis.measure_position(height_m, sigma_m) {
             let _ = axis.measure_velocity(climb_mps, noise.climb_mps);
             self.doubted = None;
             self.measured_at = now;
-            return Some(normalised);
+            return Some(correction);
         }
         let error = (sigma_m, Duration::ZERO);
         let [begun] = doubt::begin(&mut self.doubted, now, [height_m], error)?;
@@ -174,7 +172,7 @@ impl Height {
         };
         let up_m = ground_m + height_m;
         let is_floor = (up_m - axis.position_m).abs() <= RANGE_STEP_MAX_M
-            && axis.measure_position(up_m, RANGE_SIGMA_M);
+            && axis.measure_position(up_m, RANGE_SIGMA_M).is_some();
         self.ranged_at = is_floor.then_some(now);
     }
 

@@ -1,5 +1,7 @@
 //! How well measurements agree with the estimate's covariance.
 
+use super::axis::Correction;
+
 /// Of 100 normal numbers 95 are within this many standard deviations.
 const BOUND: f64 = 1.959_964;
 
@@ -24,11 +26,10 @@ pub struct Agreement {
 }
 
 impl Agreement {
-    /// Counts differences in standard deviations.
-    pub(super) fn count(&mut self, normalised: impl IntoIterator<Item = f64>) {
-        for it in normalised {
+    pub(super) fn count(&mut self, corrections: impl IntoIterator<Item = Correction>) {
+        for it in corrections {
             self.counted += 1;
-            self.inside += u64::from(it.abs() <= BOUND);
+            self.inside += u64::from(it.normalised.abs() <= BOUND);
         }
     }
 }

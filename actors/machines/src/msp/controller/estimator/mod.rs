@@ -129,6 +129,14 @@ impl Estimator {
         self.innovations
     }
 
+    /// What accepted measurements count in; `None` while it stands.
+    const fn counted(&mut self) -> Option<&mut Innovations> {
+        match self.stands {
+            true => None,
+            false => Some(&mut self.innovations),
+        }
+    }
+
     /// The newest attitude; level before the first.
     pub(super) fn tilt(&self) -> Tilt {
         self.attitudes.tilt()
@@ -256,8 +264,8 @@ impl Estimator {
             let by_mps2 = accelerations_mps2[index] - self.drag_per_s * axis.velocity_mps;
             let measured_mps = seen.velocity_mps[index] + by_mps2 * seen.seconds / 2.0;
             let innovation_mps = measured_mps - axis.velocity_mps;
-            let by_m = axis.measure_velocity(measured_mps, seen.sigma_mps);
-            taken[index] = by_m.map(|by_m| (by_m, innovation_mps));
+            let corrected = axis.measure_velocity(measured_mps, seen.sigma_mps);
+            taken[index] = corrected.map(|it| (it.by_m, innovation_mps));
         }
         let [Some((north_m, north_mps)), Some((east_m, east_mps))] = taken else {
             return;
@@ -285,9 +293,9 @@ impl Estimator {
     /// Takes in the controller's own height and climb. What no vehicle can have is rejected. While poses or ranges tell the
     /// height it only notes how far its own is off, to count on from there.
     pub(super) fn measure_altitude(&mut self, now: Timestamp, altitude: &Altitude) {
-        let normalised = self.height.measure(now, altitude, &self.noise);
-        if !self.stands {
-            self.innovations.height.count(normalised);
+        let corrected = self.height.measure(now, altitude, &self.noise);
+        if let Some(counted) = self.counted() {
+            counted.height.count(corrected);
         }
     }
 
@@ -305,11 +313,13 @@ impl Estimator {
         ];
         if self.measure_place(now, [place.north_m(), place.east_m()]) {
             let sigma_mps = self.noise.velocity_mps;
-            for (axis, velocity) in self.horizontal.iter_mut().flatten().zip(velocity) {
-                let normalised = axis.normalised_velocity(velocity, sigma_mps);
-                if axis.measure_velocity(velocity, sigma_mps).is_some() && !self.stands {
-                    self.innovations.velocity.count([normalised]);
-                }
+            let mut corrected = [None; 2];
+            let measured = self.horizontal.iter_mut().flatten().zip(velocity);
+            for ((axis, velocity), corrected) in measured.zip(&mut corrected) {
+                *corrected = axis.measure_velocity(velocity, sigma_mps);
+            }
+            if let Some(counted) = self.counted() {
+                counted.velocity.count(corrected.into_iter().flatten());
             }
         }
     }
@@ -333,18 +343,13 @@ impl Estimator {
             (&mut self.horizontal, &mut self.height.axis, past, is_known)
         {
             let innovations: [f64; 3] = std::array::from_fn(|axis| place[axis] - past[axis]);
-            let normalised = [
-                north.normalised(innovations[0], sigma_m),
-                east.normalised(innovations[1], sigma_m),
-                up.normalised(innovations[2], sigma_m),
-            ];
-            if let Some(by_m) = correct([north, east, up], innovations, sigma_m) {
-                if !self.stands {
-                    let [north, east, up] = normalised;
-                    self.innovations.position.count([north, east]);
-                    self.innovations.height.count([up]);
+            if let Some(corrected) = correct([north, east, up], innovations, sigma_m) {
+                let [north, east, up] = corrected;
+                if let Some(counted) = self.counted() {
+                    counted.position.count([north, east]);
+                    counted.height.count([up]);
                 }
-                self.past.shift(&by_m);
+                self.past.shift(&corrected.map(|it| it.by_m));
                 self.known = Known::by_position(now);
                 self.height.pose(now);
                 self.doubted.pose = None;
@@ -379,15 +384,11 @@ impl Estimator {
             return false;
         };
         let innovations = [to_north - past[0], to_east - past[1]];
-        let normalised = [
-            north.normalised(innovations[0], position_m),
-            east.normalised(innovations[1], position_m),
-        ];
-        if let Some(by_m) = correct([north, east], innovations, position_m) {
-            if !self.stands {
-                self.innovations.position.count(normalised);
+        if let Some(corrected) = correct([north, east], innovations, position_m) {
+            if let Some(counted) = self.counted() {
+                counted.position.count(corrected);
             }
-            self.past.shift(&by_m);
+            self.past.shift(&corrected.map(|it| it.by_m));
             self.doubted.fix = None;
             self.known = Known::by_position(now);
             return true;
