@@ -3,7 +3,7 @@ about the aircraft. Prints the median and the worst of each figure; fails if a f
 if medians that the simulation is to predict differ by more than a fifth. A flight in which the host let the firmware or its aircraft
 stand still tells nothing about either: it is named, and flown again.
 
-usage: accuracy.py PROGRAM MUSTER [RUNS [AT_ONCE]]
+usage: accuracy.py PROGRAM MUSTER [RUNS [AT_ONCE [FLIGHT ...]]]; FLIGHT: hover, gusts or square
 """
 
 import concurrent.futures
@@ -24,7 +24,7 @@ GUSTS = ("--set", "aircraft.gusts_mps=1")
 FLIGHTS = (
     ("hover", "betaflight-hover", (), {"horizontal RMS m": 0.15, "horizontal max m": 0.5, "vertical RMS m": 0.15,
                                        "vertical max m": 0.5, "landing m/s": 0.6, "landed off m": 0.5}),
-    ("hover in gusts of 1 m/s", "betaflight-hover", GUSTS, {"horizontal RMS m": 0.4, "vertical RMS m": 0.4}),
+    ("gusts", "betaflight-hover", GUSTS, {"horizontal RMS m": 0.4, "vertical RMS m": 0.4}),
     ("square", "betaflight-square", (), {"cross-track p95 m": 0.5, "overshoot m": 0.6, "landing m/s": 0.6,
                                          "landed off m": 0.5}),
 )
@@ -99,13 +99,18 @@ def fly(command, figures):
 
 def main():
     program, muster = sys.argv[1:3]
-    runs, at_once = (int(it) for it in (sys.argv[3:] + ["20", "1"][len(sys.argv) - 3:]))
+    runs, at_once = (int(it) for it in (sys.argv[3:5] + ["20", "1"][len(sys.argv[3:5]):]))
+    names = [name for name, *_ in FLIGHTS]
+    wanted = sys.argv[5:] or names
+    if not set(wanted) <= set(names):
+        print(f"no such flight: {wanted}; one of {names}", file=sys.stderr)
+        sys.exit(2)
     pool = concurrent.futures.ThreadPoolExecutor(at_once)
     print(f"{runs} flights each, seeds 1 to {runs}\n")
     print("| flight | figure | at most | Betaflight median | worst | simulated median | worst |")
     print("| --- | --- | --- | --- | --- | --- | --- |")
     failures = []
-    for flight, scenario, options, limits in FLIGHTS:
+    for flight, scenario, options, limits in (it for it in FLIGHTS if it[0] in wanted):
         figures = square if flight == "square" else hover
         each = []
         for kind in (["swarm", scenario, "--firmware", program], ["sim", scenario]):

@@ -190,14 +190,18 @@ impl Control {
                 (self.integral.x, self.integral.y) = (integral.x, integral.y);
             }
         }
-        let by = |to: Vector2<f64>| (to - self.level_mps2).cap_magnitude(SLEW_MAX_MPS3 * seconds);
         self.level_mps2 = match lean {
             Lean::Level => Vector2::zeros(),
-            Lean::Steady => self.level_mps2 + by(self.steady),
-            Lean::Free => self.level_mps2 + by(level),
+            Lean::Steady => self.slewed(self.steady, seconds),
+            Lean::Free => self.slewed(level, seconds),
         };
-        let level = self.level_mps2;
-        self.sticks(Vector3::new(level.x, level.y, down), tilt)
+        self.sticks(self.level_mps2.push(down), tilt)
+    }
+
+    /// The horizontal acceleration on its way to another, `seconds` after the last.
+    fn slewed(&self, to: Vector2<f64>, seconds: f64) -> Vector2<f64> {
+        let most = SLEW_MAX_MPS3 * seconds;
+        self.level_mps2 + (to - self.level_mps2).cap_magnitude(most)
     }
 
     /// The attitude and the throttle of an acceleration, as sticks.
