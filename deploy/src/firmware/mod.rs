@@ -3,11 +3,12 @@
 
 mod body;
 mod configure;
+mod line;
 mod network;
 
 use std::fs::{self, File};
 use std::io;
-use std::net::{Ipv4Addr, Shutdown, TcpListener, TcpStream, UdpSocket};
+use std::net::{Ipv4Addr, TcpListener, UdpSocket};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -15,7 +16,7 @@ use std::sync::{Arc, Mutex};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use muster_controller::{CHANNELS, Config, InLoop, Truth};
+use muster_controller::{CHANNELS, Config, InLoop, Sticks, Truth};
 use muster_machines::msp::controller::Receiver;
 use muster_machines::time::Timestamp;
 use muster_port::raise_priority;
@@ -23,6 +24,7 @@ use muster_scenarios::report::FirmwareStalls;
 use tempfile::TempDir;
 
 use self::body::Seen;
+use self::line::Line;
 use self::network::Network;
 use crate::controller::{lock, wait};
 use crate::pilot::LivePilot;
@@ -64,6 +66,7 @@ pub struct Firmware {
     /// What was seen of the aircraft a moment ago.
     seen: Arc<Mutex<Seen>>,
     network: Arc<Network>,
+    line: Arc<Line>,
     process: Child,
     /// `None` without a pilot's receiver.
     pilot: Option<LivePilot>,
@@ -114,6 +117,7 @@ impl Firmware {
                 stalls: FirmwareStalls::default(),
             })),
             network: Arc::new(network),
+            line: Arc::new(Line::new()),
             process,
             pilot: None,
             is_over: Arc::new(AtomicBool::new(false)),
@@ -155,7 +159,13 @@ impl Firmware {
         lock(&self.seen).truth
     }
 
-    /// How often it stood still in flight, since the host was busy. Its aircraft waited meanwhile.
+    /// What RC over MSP said since the last call. `None` before the first frame.
+    #[must_use]
+    pub fn take_sticks(&self) -> Option<Sticks> {
+        self.line.take_sticks()
+    }
+
+    /// How often it stood still while it was armed, as on a busy host. Its aircraft waited meanwhile.
     #[must_use]
     pub fn stalls(&self) -> FirmwareStalls {
         lock(&self.seen).stalls
@@ -183,6 +193,7 @@ impl Firmware {
     pub fn listen(&self, listener: TcpListener) -> io::Result<()> {
         listener.set_nonblocking(true)?;
         let (network, is_over) = (Arc::clone(&self.network), Arc::clone(&self.is_over));
+        let line = Arc::clone(&self.line);
         let thread = thread::Builder::new().name("firmware-port".to_owned());
         thread.spawn(move || {
             // Without it a busy machine looks like a lost receiver. Threads that it starts inherit it.
@@ -192,7 +203,7 @@ impl Firmware {
                     && let Ok((stream, _)) = listener.accept()
                 {
                     // A connection that fails is closed, and the link connects again.
-                    drop(carry(&network, &stream));
+                    drop(line.carry(&network, &stream));
                 }
             }
         })?;
@@ -217,25 +228,6 @@ fn frame(at: Duration, channels: &[u16; CHANNELS]) -> Vec<u8> {
     time.into_iter()
         .chain(channels.flat_map(|it| it.to_le_bytes()))
         .collect()
-}
-
-/// Carries bytes until either end is closed.
-fn carry(network: &Network, companion: &TcpStream) -> io::Result<()> {
-    companion.set_nonblocking(false)?;
-    let firmware = network.inside(|| TcpStream::connect(MSP))?;
-    for stream in [companion, &firmware] {
-        stream.set_nodelay(true)?;
-    }
-    let copy = |mut from: &TcpStream, mut to: &TcpStream| {
-        let copied = io::copy(&mut from, &mut to);
-        // The other direction ends, too.
-        drop((from.shutdown(Shutdown::Both), to.shutdown(Shutdown::Both)));
-        copied
-    };
-    thread::scope(|scope| {
-        scope.spawn(|| copy(&firmware, companion));
-        copy(companion, &firmware).map(drop)
-    })
 }
 
 /// Starts the program in a network of its own, and waits until it listens.

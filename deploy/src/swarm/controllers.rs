@@ -163,11 +163,11 @@ impl Kind {
         }
     }
 
-    /// The sticks since the last call. `None` from firmware: it gets them by itself.
+    /// The sticks since the last call. `None` before the first RC frame to firmware.
     fn take_sticks(&self) -> Option<Sticks> {
         match self {
             Self::Simulated(controller, _) => Some(controller.take_sticks()),
-            Self::Firmware(_) => None,
+            Self::Firmware(firmware) => firmware.take_sticks(),
         }
     }
 

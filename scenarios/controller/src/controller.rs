@@ -17,6 +17,7 @@ use crate::firmware::failsafe::Failsafe;
 use crate::firmware::settings::{CHANNELS, Settings};
 use crate::firmware::{Firmware, Measured, TICK_MS, receiver};
 use crate::ground::{Contact, Landing};
+use crate::rc_frames::RcFrames;
 use crate::sensors::{SensorNoise, Sensors};
 use crate::serial::{Dropped, Request, Serial};
 use crate::telemetry::View;
@@ -131,31 +132,10 @@ impl Truth {
 /// What the receiver got since the last look.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Sticks {
-    /// Throttle stick that counts, in µs.
+    /// Throttle stick that counts, in µs; of a firmware that doesn't tell, that of the newest RC frame over MSP.
     pub throttle_us: u16,
     /// Longest time without an RC frame over MSP. `None` before the first.
     pub rc_gap: Option<Duration>,
-}
-
-/// RC frames over MSP, in steps.
-#[derive(Debug, Default)]
-struct RcFrames {
-    newest: Option<u64>,
-    longest_gap: u64,
-}
-
-impl RcFrames {
-    fn count(&mut self, step: u64) {
-        if let Some(before) = self.newest.replace(step) {
-            self.longest_gap = self.longest_gap.max(step.saturating_sub(before));
-        }
-    }
-
-    /// The longest gap since the last call, that up to this step included.
-    fn take_gap(&mut self, step: u64) -> Option<u64> {
-        let open = step.saturating_sub(self.newest?);
-        Some(std::mem::take(&mut self.longest_gap).max(open))
-    }
 }
 
 /// A simulated flight controller with its aircraft.
@@ -278,10 +258,10 @@ impl Controller {
     pub fn take_sticks(&mut self, now: Timestamp) -> Sticks {
         self.advance(now);
         let step = self.next_step.saturating_sub(1);
-        let gap = self.rc_frames.take_gap(step);
+        let now = self.time_of(step);
         Sticks {
             throttle_us: self.channels()[3],
-            rc_gap: gap.map(|steps| Duration::from_nanos(steps.saturating_mul(STEP_NANOS))),
+            rc_gap: self.rc_frames.take_gap(now),
         }
     }
 
@@ -390,7 +370,8 @@ impl Controller {
                     return false;
                 };
                 self.firmware.receive(step - self.boot_step, rc.channels_us);
-                self.rc_frames.count(step);
+                let now = self.time_of(step);
+                self.rc_frames.count(now);
             }
             ReceivedMotors::COMMAND => {
                 let Ok(motors) = ReceivedMotors::decode(&request.payload) else {

@@ -5,8 +5,8 @@ use std::time::Duration;
 use muster_runtime::text::{figure, plural};
 use serde::Serialize;
 
-/// Times at which a flight controller's firmware, or its aircraft, stood still in flight, since its host was busy. The aircraft
-/// waits for up to half a second each time.
+/// Times at which a flight controller's firmware, or its aircraft, stood still while it was armed, as on a busy host. The
+/// aircraft waits for up to half a second each time.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize)]
 pub struct FirmwareStalls {
     /// How many.
@@ -16,12 +16,10 @@ pub struct FirmwareStalls {
 }
 
 impl FirmwareStalls {
-    /// Adds one.
-    pub fn note(&mut self, stall: Duration) {
-        *self = self.joined(Self {
-            count: 1,
-            longest_s: stall.as_secs_f64(),
-        });
+    /// Notes how long one lasts already.
+    pub fn note(&mut self, is_new: bool, lasts: Duration) {
+        self.count += usize::from(is_new);
+        self.longest_s = self.longest_s.max(lasts.as_secs_f64());
     }
 
     /// These and others.
@@ -49,8 +47,9 @@ mod tests {
     fn the_longest_is_named_and_none_says_nothing() {
         let mut stalls = FirmwareStalls::default();
         assert_eq!(stalls.text(), None);
-        stalls.note(Duration::from_millis(212));
-        stalls.note(Duration::from_millis(30));
+        stalls.note(true, Duration::from_millis(20));
+        stalls.note(false, Duration::from_millis(212));
+        stalls.note(true, Duration::from_millis(30));
         let text = stalls.text();
         assert_eq!(text.as_deref(), Some("stood still 2 times, at most 212 ms"));
     }

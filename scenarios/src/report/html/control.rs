@@ -49,7 +49,7 @@ pub(super) fn control(report: &Report, flight: &Flight) -> Markup {
                 "While armed. A band reaches from the least to the greatest value of each stretch of time. RC gaps are those "
                 "between frames that reached the controller; the dashed line is at " (figure(gap_max_ms(), 0)) " ms, and gaps of "
                 "more than " (figure(GAP_END_MS, 0)) " ms are drawn at the edge."
-                @if report.firmware.is_some() { " The drones' firmware tells no sticks and no gaps." }
+                @if report.firmware.is_some() { " The throttle is that of RC frames over MSP, which count unless a pilot has the sticks." }
             }
             ul.legend {
                 li { span.chip.c-roll {} "roll, right positive" }

@@ -21,8 +21,8 @@ const CORRECTION_MAX_MPS: f64 = 4.0;
 const INTEGRAL_MAX_MPS2: f64 = 3.0;
 /// Time constant of the wind that counts once the position is lost, in seconds.
 const STEADY_S: f64 = 15.0;
-/// Largest change of the horizontal acceleration on level flight, in m/s³: a tilt changes by at most 220°/s, PX4's default limit of
-/// roll and pitch rates (`MC_ROLLRATE_MAX`).
+/// Largest change of the horizontal acceleration, in m/s³: 220°/s of tilt where the vehicle neither climbs nor sinks, PX4's
+/// default limit of roll and pitch rates (`MC_ROLLRATE_MAX`).
 const SLEW_MAX_MPS3: f64 = 37.6;
 /// Largest vertical acceleration either way, beside what is integrated, in m/s².
 const CLIMB_MAX_MPS2: f64 = 4.0;
@@ -121,7 +121,8 @@ impl Control {
 
     /// Sticks that level a vehicle that has tipped over: with the least throttle that motors follow, for its thrust points aside
     /// or down.
-    pub(super) fn upright() -> Sticks {
+    pub(super) fn upright(&mut self) -> Sticks {
+        self.level_mps2 = Vector2::zeros();
         Sticks {
             roll: Channel::CENTRE,
             pitch: Channel::CENTRE,
@@ -131,7 +132,8 @@ impl Control {
     }
 
     /// Sticks of a level vehicle that neither climbs nor sinks by itself.
-    pub(super) fn level(&self, tilt: Tilt) -> Sticks {
+    pub(super) fn level(&mut self, tilt: Tilt) -> Sticks {
+        self.level_mps2 = Vector2::zeros();
         self.sticks(Vector3::new(0.0, 0.0, self.integral.z), tilt)
     }
 
@@ -275,7 +277,7 @@ mod tests {
         }
     }
 
-    /// Sticks after 0.3 s: it leans by then as it is to.
+    /// Sticks after 0.3 s, when the slew limit no longer acts.
     fn sticks(estimate: &Estimate, yaw_deg: f64, lean: Lean) -> Sticks {
         let tilt = Tilt {
             yaw_rad: yaw_deg.to_radians(),
@@ -302,28 +304,48 @@ mod tests {
         assert!(low.throttle > high.throttle);
     }
 
+    /// The tilt ahead that sticks ask for, in degrees.
+    fn pitch_deg(sticks: &Sticks) -> f64 {
+        let stick = (f64::from(sticks.pitch.us()) - 1_500.0) / 500.0;
+        StickResponse::ASSUMED.tilt_rad(stick).to_degrees()
+    }
+
     #[test]
-    fn it_leans_over_at_no_more_than_220_degrees_a_second() {
+    fn tilt_changes_by_no_more_than_220_degrees_a_second() {
         let mut control = Control::new(Gains::QUADCOPTER);
-        let far = estimate(-50.0, 0.0, 0.0);
-        let mut tilt_deg = || {
-            let sticks = control.step(
-                0.02,
-                &reference(),
-                &far,
-                Tilt::default(),
-                (Lean::Free, false),
-            );
-            let stick = (f64::from(sticks.pitch.us()) - 1_500.0) / 500.0;
-            StickResponse::ASSUMED.tilt_rad(stick).to_degrees()
+        let mut tilt_deg = |north_m| {
+            let far = estimate(north_m, 0.0, 0.0);
+            let free = (Lean::Free, false);
+            pitch_deg(&control.step(0.02, &reference(), &far, Tilt::default(), free))
         };
-        let tilts: Vec<_> = (0..12).map(|_| tilt_deg()).collect();
-        let steps = tilts.windows(2).map(|it| it[1] - it[0]);
-        assert!(
-            tilts[0] < 4.6 && steps.clone().all(|it| it < 4.6),
-            "{tilts:?}"
-        );
-        assert!((tilts[11] - 35.0).abs() < 0.2, "{tilts:?}");
+        let places = [[-50.0; 12], [50.0; 12], [50.0; 12]];
+        let tilts: Vec<_> = places.into_iter().flatten().map(&mut tilt_deg).collect();
+        // A stick's whole µs are up to 0.1°.
+        assert!(tilts[0] < 4.5, "{tilts:?}");
+        let steps = tilts.windows(2).map(|it| (it[1] - it[0]).abs());
+        assert!(steps.clone().all(|it| it < 4.6), "{tilts:?}");
+        assert!((tilts[11] - 35.0).abs() < 0.2 && (tilts[35] + 35.0).abs() < 0.2);
+    }
+
+    #[test]
+    fn vehicle_that_was_levelled_leans_from_there() {
+        let far = estimate(-50.0, 0.0, 0.0);
+        let lean = |control: &mut Control| {
+            let free = (Lean::Free, false);
+            pitch_deg(&control.step(0.02, &reference(), &far, Tilt::default(), free))
+        };
+        let mut control = Control::new(Gains::QUADCOPTER);
+        let first_deg = lean(&mut control);
+        let level: [fn(&mut Control) -> Sticks; 2] =
+            [Control::upright, |it| it.level(Tilt::default())];
+        for level in level {
+            for _ in 0..12 {
+                lean(&mut control);
+            }
+            level(&mut control);
+            let again_deg = lean(&mut control);
+            assert!((again_deg - first_deg).abs() < 0.2, "{again_deg}");
+        }
     }
 
     /// A defect of the indoor thesis's code: the "derivative" gain acted on the previous error.
@@ -349,14 +371,14 @@ mod tests {
                 let tilt = Tilt::default();
                 control.step(0.02, &reference(), estimate, tilt, (Lean::Free, false))
             };
-            step(before);
-            // Until it leans as it is to.
+            // Until the slew limit no longer acts.
             for _ in 0..14 {
-                step(&south);
+                step(before);
             }
             step(&south)
         };
-        assert_eq!(after(&south), after(&estimate(3.0, 1.0, 1.0)));
+        // So near that the slew limit doesn't act.
+        assert_eq!(after(&south), after(&estimate(-0.45, 0.05, 1.0)));
     }
 
     #[test]

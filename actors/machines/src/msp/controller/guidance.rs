@@ -21,37 +21,61 @@ const PRESS_MPS3: f64 = 4.0;
 /// How long a vehicle must be still before it is pressed: one that sinks slowly isn't.
 const STILL_FOR: Duration = Duration::from_secs(1);
 /// Time over which the reference is averaged, so that its acceleration doesn't jump: at most 5 m/s³ of jerk for each m/s² by
-/// which a leg's acceleration changes, and a tenth of a second of delay. PX4 limits it to 4 m/s³ where a leg accelerates with
-/// 3 m/s² (`MPC_JERK_AUTO`, `MPC_ACC_HOR`), which would delay a leg by 0.4 s.
+/// which a leg's acceleration changes. PX4 limits it to 4 m/s³ where a leg accelerates with 3 m/s² (`MPC_JERK_AUTO`,
+/// `MPC_ACC_HOR`), which would delay a leg by 0.4 s.
 const AVERAGED: Duration = Duration::from_millis(200);
+/// From one reference to the next, in seconds.
+const PERIOD_S: f64 = 0.02;
+/// References that are averaged.
+const AVERAGED_COUNT: i32 = 10;
+/// How far the mean is behind, in seconds.
+const DELAY_S: f64 = (AVERAGED_COUNT - 1) as f64 * PERIOD_S / 2.0;
 /// Distance from the reference beyond which it starts anew where the vehicle is, in metres: it could not follow.
 const LEFT_BEHIND_M: f64 = 8.0;
 
 /// The mean of the last references: a motion whose acceleration doesn't jump.
+///
+/// Invariant: it begins as if the vehicle had flown straight on until then.
 #[derive(Debug, Default)]
 struct Smooth(VecDeque<(Timestamp, Reference)>);
 
 impl Smooth {
     /// The mean with another reference.
     fn with(&mut self, now: Timestamp, reference: Reference) -> Reference {
-        while (self.0.front()).is_some_and(|(at, _)| now.since(*at) >= AVERAGED) {
+        let (position, velocity) = (reference.position, reference.velocity);
+        if self.0.is_empty() {
+            let before = (1..AVERAGED_COUNT).rev().map(|number| Reference {
+                position: Ned(position.0 - velocity.0 * (f64::from(number) * PERIOD_S)),
+                velocity,
+                acceleration: Vector3::zeros(),
+            });
+            self.0.extend(before.map(|it| (now, it)));
+        }
+        while self.0.len() >= AVERAGED_COUNT as usize
+            || (self.0.front()).is_some_and(|(at, _)| now.since(*at) >= AVERAGED)
+        {
             self.0.pop_front();
         }
         self.0.push_back((now, reference));
-        let share = 1.0 / self.0.len() as f64;
-        let mean = |of: fn(&Reference) -> Vector3<f64>| {
-            let all = self.0.iter().map(|(_, reference)| of(reference));
-            all.sum::<Vector3<f64>>() * share
-        };
         Reference {
-            position: Ned(mean(|it| it.position.0)),
-            velocity: Velocity(mean(|it| it.velocity.0)),
-            acceleration: mean(|it| it.acceleration),
+            position: Ned(self.mean(|it| it.position.0)),
+            velocity: Velocity(self.mean(|it| it.velocity.0)),
+            acceleration: self.mean(|it| it.acceleration),
         }
     }
 
-    /// The next reference follows on none.
-    fn begin(&mut self) {
+    fn mean(&self, of: fn(&Reference) -> Vector3<f64>) -> Vector3<f64> {
+        let all = self.0.iter().map(|(_, reference)| of(reference));
+        all.sum::<Vector3<f64>>() / self.0.len() as f64
+    }
+
+    /// Where the mean is. `None` before the first reference.
+    fn position(&self) -> Option<Ned> {
+        (!self.0.is_empty()).then(|| Ned(self.mean(|it| it.position.0)))
+    }
+
+    /// Forgets past references.
+    fn forget(&mut self) {
         self.0.clear();
     }
 }
@@ -213,7 +237,7 @@ impl Guidance {
         let ground = ground.map(|it| estimate.position.at_altitude(it.position(now).altitude_m()));
         if let Some(there) = ground.filter(|it| it.distance_m(estimate.position) <= LEFT_BEHIND_M) {
             self.motion = Some(Motion::at_rest(there));
-            self.smooth.begin();
+            self.smooth.forget();
             return;
         }
         let on_course = self.on_course(estimate);
@@ -224,10 +248,11 @@ impl Guidance {
         if self.motion.is_none() {
             return;
         }
-        self.smooth.begin();
-        let mut motion = Motion::at_rest(from.position);
+        self.smooth.forget();
+        let position = Ned(from.position.0 + from.velocity.0 * DELAY_S);
+        let mut motion = Motion::at_rest(position);
         let later = now + Duration::from_secs(1);
-        motion.observe(now, from.position, from.velocity, later);
+        motion.observe(now, position, from.velocity, later);
         if self.is_landing {
             motion.land(now, self.landing);
         } else if let Some(setpoint) = self.setpoint {
@@ -269,42 +294,48 @@ impl Guidance {
         let Some(motion) = &self.motion else {
             return estimate.position;
         };
-        let braking = motion.stop(now) - motion.position(now);
+        let reference = self.smooth.position();
+        let braking = motion.stop(now) - reference.unwrap_or(motion.position(now));
         estimate.position + braking
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::ops::Range;
+
     use super::*;
 
     fn at(milliseconds: u64) -> Timestamp {
         Timestamp::from_nanos(milliseconds * 1_000_000)
     }
 
-    /// A leg of 10 m north at 3 m/s with 2 m/s², every 20 ms.
-    fn leg() -> Vec<Reference> {
-        let landing = Landing {
+    fn guidance() -> Guidance {
+        Guidance::new(Landing {
             descent_mps: 1.0,
             final_mps: 0.5,
             final_altitude_m: 2.0,
             acceleration_mps2: 1.0,
-        };
-        let mut guidance = Guidance::new(landing);
-        let still = Estimate {
-            position: Ned::HOME,
-            velocity: Velocity::ZERO,
-        };
-        let setpoint = Setpoint::Leg {
-            to: Ned::new(10.0, 0.0, 0.0),
+        })
+    }
+
+    fn leg(north_m: f64) -> Setpoint {
+        Setpoint::Leg {
+            to: Ned::new(north_m, 0.0, -20.0),
             speed_mps: 3.0,
             acceleration_mps2: 2.0,
-        };
-        guidance.fly(at(0), setpoint, &still);
-        let mut estimate = still;
-        let times = (0..400).map(|it| at(20 * it));
+        }
+    }
+
+    /// The references of a second to another, every 20 ms, of a vehicle that follows them.
+    fn references(
+        guidance: &mut Guidance,
+        seconds: Range<u64>,
+        estimate: &mut Estimate,
+    ) -> Vec<Reference> {
+        let times = (50 * seconds.start..50 * seconds.end).map(|it| at(20 * it));
         let references = times.map(|now| {
-            let reference = guidance.reference(now, &estimate, Duration::ZERO, false);
+            let reference = guidance.reference(now, estimate, Duration::ZERO, false);
             let reference = reference.expect("it has a setpoint");
             (estimate.position, estimate.velocity) = (reference.position, reference.velocity);
             reference
@@ -312,17 +343,75 @@ mod tests {
         references.collect()
     }
 
-    #[test]
-    fn reference_of_a_leg_ends_where_the_leg_does_and_its_acceleration_never_jumps() {
-        let leg = leg();
-        let end = leg[399].position;
-        assert!(end.distance_m(Ned::new(10.0, 0.0, 0.0)) < 1e-9, "{end:?}");
-        for pair in leg.windows(2) {
+    /// The acceleration changes by at most 20 m/s³, as from 2 m/s² to -2 m/s², and positions move as velocities say.
+    fn assert_smooth(references: &[Reference]) {
+        for pair in references.windows(2) {
             let jerk_mps3 = (pair[1].acceleration - pair[0].acceleration).norm() / 0.02;
-            assert!(jerk_mps3 <= 10.0 + 1e-9, "{pair:?}");
+            assert!(jerk_mps3 <= 20.0 + 1e-9, "{pair:?}");
             let moved = pair[1].position.0 - pair[0].position.0;
             let meant = (pair[0].velocity.0 + pair[1].velocity.0) * 0.01;
             assert!((moved - meant).norm() < 0.005, "{pair:?}");
         }
+    }
+
+    #[test]
+    fn acceleration_of_the_reference_never_jumps() {
+        let mut guidance = guidance();
+        let mut estimate = Estimate {
+            position: Ned::new(0.0, 0.0, -20.0),
+            velocity: Velocity::ZERO,
+        };
+        guidance.fly(at(0), leg(20.0), &estimate);
+        let mut flown = references(&mut guidance, 0..3, &mut estimate);
+        assert!(flown[0].acceleration.norm() < 0.3, "{:?}", flown[0]);
+        // In mid-flight it is sent back.
+        guidance.fly(at(3_000), leg(0.0), &estimate);
+        flown.extend(references(&mut guidance, 3..15, &mut estimate));
+        assert_smooth(&flown);
+        let end = flown.last().unwrap().position;
+        assert!(end.distance_m(Ned::new(0.0, 0.0, -20.0)) < 1e-9, "{end:?}");
+    }
+
+    #[test]
+    fn reference_begins_anew_as_the_vehicle_moves() {
+        let mut guidance = guidance();
+        let mut estimate = Estimate {
+            position: Ned::new(5.0, 0.0, -20.0),
+            velocity: Velocity::new(3.0, 0.0, 0.0),
+        };
+        guidance.take_up(at(0), (leg(20.0), None), &estimate);
+        let first = references(&mut guidance, 0..2, &mut estimate);
+        let Reference {
+            position, velocity, ..
+        } = first[0];
+        assert!(
+            position.distance_m(Ned::new(5.0, 0.0, -20.0)) < 1e-9,
+            "{position:?}"
+        );
+        assert!((velocity.0.x - 3.0).abs() < 1e-9, "{velocity:?}");
+        assert_smooth(&first);
+    }
+
+    #[test]
+    fn vehicle_that_is_told_to_stop_comes_to_rest_where_it_said() {
+        let mut guidance = guidance();
+        let mut estimate = Estimate {
+            position: Ned::new(0.0, 0.0, -20.0),
+            velocity: Velocity::ZERO,
+        };
+        guidance.fly(at(0), leg(50.0), &estimate);
+        references(&mut guidance, 0..4, &mut estimate);
+        let said = guidance.stop(at(4_000), &estimate);
+        let hold = Setpoint::Hold {
+            altitude_m: 20.0,
+            vertical_mps: 1.0,
+            acceleration_mps2: 2.0,
+        };
+        guidance.fly(at(4_000), hold, &estimate);
+        references(&mut guidance, 4..10, &mut estimate);
+        assert!(
+            estimate.position.distance_m(said) < 0.1,
+            "{said:?} {estimate:?}"
+        );
     }
 }

@@ -250,7 +250,7 @@ impl ControlLoops {
             self.fly(now, stage, hold(altitude_m));
         }
         if self.watch.is_tilted() {
-            return Control::upright();
+            return self.control.upright();
         }
         self.follow(now, stage, &estimate, seconds)
             // Right after a restart in the air; else on the ground, before the first setpoint.
@@ -284,7 +284,7 @@ impl ControlLoops {
         Some(sticks)
     }
 
-    fn level_if(&self, flies: bool, tilt: Tilt) -> Sticks {
+    fn level_if(&mut self, flies: bool, tilt: Tilt) -> Sticks {
         if flies {
             self.control.level(tilt)
         } else {

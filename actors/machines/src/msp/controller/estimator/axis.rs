@@ -21,6 +21,13 @@ pub(super) struct Correction {
     pub(super) normalised: f64,
 }
 
+impl Correction {
+    const NONE: Self = Self {
+        by_m: 0.0,
+        normalised: 0.0,
+    };
+}
+
 impl Axis {
     /// At rest, as far as is known: within 1 m/s.
     pub(super) const fn at(position_m: f64, variance_m2: f64) -> Self {
@@ -115,16 +122,32 @@ pub(super) fn correct<const N: usize>(
     innovations_m: [f64; N],
     sigma_m: f64,
 ) -> Option<[Correction; N]> {
-    let mut corrections = innovations_m.map(|by_m| Correction {
-        by_m,
-        normalised: 0.0,
-    });
-    for (axis, correction) in axes.iter().zip(&mut corrections) {
+    let mut corrections = [Correction::NONE; N];
+    let pairs = axes.iter().zip(innovations_m);
+    for ((axis, innovation_m), correction) in pairs.zip(&mut corrections) {
         let variance = axis.covariance[0] + sigma_m * sigma_m;
-        correction.normalised = normalised_if_near(correction.by_m, variance)?;
+        correction.normalised = normalised_if_near(innovation_m, variance)?;
     }
-    for (axis, correction) in axes.into_iter().zip(&mut corrections) {
-        correction.by_m = axis.correct(correction.by_m, sigma_m);
+    let pairs = axes.into_iter().zip(innovations_m);
+    for ((axis, innovation_m), correction) in pairs.zip(&mut corrections) {
+        correction.by_m = axis.correct(innovation_m, sigma_m);
     }
     Some(corrections)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_measurement_that_is_no_number_or_far_away_changes_nothing() {
+        let mut axis = Axis::at(1.0, 0.01);
+        for measured in [f64::NAN, f64::INFINITY, 9.0] {
+            assert!(axis.measure_position(measured, 0.1).is_none());
+            assert!(axis.measure_velocity(measured, 0.1).is_none());
+            assert!((axis.position_m - 1.0).abs() + axis.velocity_mps.abs() <= 0.0);
+        }
+        let near = axis.measure_position(1.1, 0.1).map(|it| it.normalised);
+        assert!(near.is_some_and(|it| (it - 0.5_f64.sqrt()).abs() < 1e-9));
+    }
 }

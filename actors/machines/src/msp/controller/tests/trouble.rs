@@ -75,7 +75,8 @@ fn a_vehicle_that_tips_over_is_righted_and_lands_and_one_that_lies_stops_its_mot
     bench.pass(200, ARM);
     let last = *bench.telemetry.last().unwrap();
     assert!(last.landing && last.landing_cause == Some(LandingCause::Tilt));
-    assert_eq!(bench.rc.unwrap().sticks(), Control::upright());
+    let upright = Control::new(Gains::QUADCOPTER).upright();
+    assert_eq!(bench.rc.unwrap().sticks(), upright);
     let restarted = Bench::new(config(), bench.checkpoint);
     assert_eq!(restarted.link.loops.impaired(), Some(LandingCause::Tilt));
     tip(&mut bench, 0);
