@@ -16,7 +16,7 @@ use crate::controller::lock;
 /// Bytes that are passed on at once.
 const CHUNK: usize = 4_096;
 
-/// A line to a firmware. It is told no RC frames; so they are seen on their way.
+/// A line to a firmware. That doesn't tell which RC frames it gets, so they are looked at on their way.
 #[derive(Debug)]
 pub(super) struct Line {
     started: Instant,

@@ -155,7 +155,7 @@ impl Kind {
         }
     }
 
-    /// How often it stood still in flight. `None` of our simulation: it moves with its aircraft.
+    /// How often it stood still while it was armed. `None` of our simulation: it moves with its aircraft.
     fn stalls(&self) -> Option<FirmwareStalls> {
         match self {
             Self::Simulated(..) => None,
@@ -230,7 +230,7 @@ impl Controllers {
         })
     }
 
-    /// How often firmware stood still in flight, all drones together. `None` without one.
+    /// How often firmware stood still while it was armed, all drones together. `None` without one.
     pub(super) fn stalls(&self) -> Option<FirmwareStalls> {
         let all = self.0.values().filter_map(|it| it.controller.stalls());
         all.reduce(FirmwareStalls::joined)

@@ -75,7 +75,7 @@ pub struct Report {
     /// File name of the program that was the drones' flight controllers. `None` if they were simulated, or there were none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub firmware: Option<String>,
-    /// Times in flight at which that program stood still, all drones together. `None` without such a program.
+    /// Times at which that program stood still while it was armed, all drones together. `None` without such a program.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub firmware_stalls: Option<FirmwareStalls>,
     /// Drones, by id.

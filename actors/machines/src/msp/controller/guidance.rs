@@ -3,6 +3,7 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
+use muster_msp::RC_PERIOD;
 use nalgebra::Vector3;
 
 use super::control::Reference;
@@ -25,7 +26,7 @@ const STILL_FOR: Duration = Duration::from_secs(1);
 /// `MPC_ACC_HOR`), which would delay a leg by 0.4 s.
 const AVERAGED: Duration = Duration::from_millis(200);
 /// From one reference to the next, in seconds.
-const PERIOD_S: f64 = 0.02;
+const PERIOD_S: f64 = RC_PERIOD.as_secs_f64();
 /// References that are averaged.
 const AVERAGED_COUNT: i32 = 10;
 /// How far the mean is behind, in seconds.
@@ -327,6 +328,17 @@ mod tests {
         }
     }
 
+    /// It begins to fly a leg where it stands still.
+    fn begun(leg: Setpoint) -> (Guidance, Estimate) {
+        let mut guidance = guidance();
+        let estimate = Estimate {
+            position: Ned::new(0.0, 0.0, -20.0),
+            velocity: Velocity::ZERO,
+        };
+        guidance.fly(at(0), leg, &estimate);
+        (guidance, estimate)
+    }
+
     /// The references of a second to another, every 20 ms, of a vehicle that follows them.
     fn references(
         guidance: &mut Guidance,
@@ -356,12 +368,7 @@ mod tests {
 
     #[test]
     fn acceleration_of_the_reference_never_jumps() {
-        let mut guidance = guidance();
-        let mut estimate = Estimate {
-            position: Ned::new(0.0, 0.0, -20.0),
-            velocity: Velocity::ZERO,
-        };
-        guidance.fly(at(0), leg(20.0), &estimate);
+        let (mut guidance, mut estimate) = begun(leg(20.0));
         let mut flown = references(&mut guidance, 0..3, &mut estimate);
         assert!(flown[0].acceleration.norm() < 0.3, "{:?}", flown[0]);
         // In mid-flight it is sent back.
@@ -394,12 +401,7 @@ mod tests {
 
     #[test]
     fn vehicle_that_is_told_to_stop_comes_to_rest_where_it_said() {
-        let mut guidance = guidance();
-        let mut estimate = Estimate {
-            position: Ned::new(0.0, 0.0, -20.0),
-            velocity: Velocity::ZERO,
-        };
-        guidance.fly(at(0), leg(50.0), &estimate);
+        let (mut guidance, mut estimate) = begun(leg(50.0));
         references(&mut guidance, 0..4, &mut estimate);
         let said = guidance.stop(at(4_000), &estimate);
         let hold = Setpoint::Hold {
