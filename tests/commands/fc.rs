@@ -121,7 +121,7 @@ fn check_has_an_exit_code_of_its_own_and_says_what_to_set() {
         .map(|it| it["rule"].as_str().unwrap())
         .collect();
     assert!(
-        rules.contains(&"override-fallback") && rules.contains(&"override-unread"),
+        rules.contains(&"override-fallback") && rules.contains(&"command-line-unread"),
         "{rules:?}"
     );
     let shown = fc(&["check", &recorded(), "--receiver", "override"]);

@@ -132,6 +132,7 @@ fn command_line(said: &[u8]) -> Option<String> {
     let value = match name {
         "msp_override_channels_mask" => "15",
         "msp_override_failsafe" => "OFF",
+        "angle_feedforward" => "0",
         _ => return None,
     };
     // It echoes what it reads.

@@ -162,11 +162,11 @@ pub struct Configuration {
     /// Largest tilt.
     pub angle: PidAdvanced,
     /// What only the command line tells; `None` if it wasn't asked.
-    pub override_settings: Option<OverrideSettings>,
+    pub command_line: Option<CommandLineSettings>,
 }
 
 impl Configuration {
-    /// Asks for all of it but the override's settings: 17 or 18 requests.
+    /// Asks for all of it but what only the command line tells: 17 or 18 requests.
     ///
     /// # Errors
     /// Those of [`Ask::ask`].
@@ -185,7 +185,7 @@ impl Configuration {
             motors: ask(controller)?,
             rates: ask(controller)?,
             angle: ask(controller)?,
-            override_settings: None,
+            command_line: None,
         })
     }
 
@@ -218,29 +218,45 @@ fn append<M: Encode>(message: &M, out: &mut Vec<u8>) {
     out.extend(payload);
 }
 
-/// Settings of the mode MSP OVERRIDE. Up to Betaflight 4.6 no message has them, only the command line.
+/// Settings that no message has up to Betaflight 4.6, only the command line.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct CommandLineSettings {
+    /// Those of the mode MSP OVERRIDE. `None`: the firmware has no override.
+    pub over_ride: Option<OverrideSettings>,
+    /// `angle_feedforward`, in percent. `None`: the firmware has none, as before 4.5.
+    pub angle_feedforward: Option<u8>,
+}
+
+impl CommandLineSettings {
+    /// The settings, by their names on the command line.
+    pub const NAMES: [&'static str; 3] = [
+        "msp_override_channels_mask",
+        "msp_override_failsafe",
+        "angle_feedforward",
+    ];
+
+    /// From the answers of the command line's `get`, which have lines such as `msp_override_channels_mask = 15`.
+    #[must_use]
+    pub fn from_answers(answers: &str) -> Self {
+        let [mask, failsafe, feedforward] = Self::NAMES.map(|name| value(answers, name));
+        let mask = mask.and_then(|it| it.parse().ok());
+        Self {
+            over_ride: mask.zip(failsafe).map(|(mask, failsafe)| OverrideSettings {
+                mask,
+                failsafe: failsafe == "ON",
+            }),
+            angle_feedforward: feedforward.and_then(|it| it.parse().ok()),
+        }
+    }
+}
+
+/// Settings of the mode MSP OVERRIDE.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OverrideSettings {
     /// `msp_override_channels_mask`: which of the receiver's channels MSP replaces; bit 0 is the first.
     pub mask: u32,
     /// `msp_override_failsafe`: whether MSP alone counts as a receiver, so that a lost pilot's receiver goes unnoticed.
     pub failsafe: bool,
-}
-
-impl OverrideSettings {
-    /// The settings, by their names on the command line.
-    pub const NAMES: [&'static str; 2] = ["msp_override_channels_mask", "msp_override_failsafe"];
-
-    /// From the answers of the command line's `get`, which have lines such as `msp_override_channels_mask = 15`. `None` if
-    /// one is missing: the firmware has no override.
-    #[must_use]
-    pub fn from_answers(answers: &str) -> Option<Self> {
-        let [mask, failsafe] = Self::NAMES.map(|name| value(answers, name));
-        Some(Self {
-            mask: mask?.parse().ok()?,
-            failsafe: failsafe? == "ON",
-        })
-    }
 }
 
 fn value<'a>(answers: &'a str, name: &str) -> Option<&'a str> {

@@ -24,7 +24,7 @@ pub use channels::{
     AUX_MAX, CHANNELS_MAX, Channel, MotorOutput, OutOfRange, Rc, ReceivedMotors, ReceivedRc,
     SetMotor, SetRawRc, Sticks, TooManyChannels,
 };
-pub use configuration::{Ask, Configuration, Identity, OverrideSettings, ask};
+pub use configuration::{Ask, CommandLineSettings, Configuration, Identity, OverrideSettings, ask};
 pub use conversation::{Answer, BadAnswer, Conversation, Telemetry};
 pub use decoder::{Counts, Decoder, FRAME_TIME_MAX};
 pub use field::{Counted, Letters, Payload, ShortText, Text, Unused};

@@ -4,7 +4,7 @@
 use std::io;
 use std::time::{Duration, Instant};
 
-use muster_msp::{Identity, Mode, OverrideSettings, Status, ask};
+use muster_msp::{CommandLineSettings, Identity, Mode, Status, ask};
 
 use crate::session::{AskError, Session};
 
@@ -34,15 +34,14 @@ pub enum CommandLineError {
     Port(#[from] io::Error),
 }
 
-/// Reads the settings of the mode MSP OVERRIDE from a disarmed controller; `None` if it doesn't have them. The controller may
-/// restart, so the session ends here.
+/// Reads the settings that no message has from a disarmed controller. It may restart, so the session ends here.
 ///
 /// # Errors
 /// If it is armed, or the command line doesn't answer.
-pub fn read_override_settings(
+pub fn read_command_line(
     mut session: Session,
     identity: &Identity,
-) -> Result<Option<OverrideSettings>, CommandLineError> {
+) -> Result<CommandLineSettings, CommandLineError> {
     let status: Status = ask(&mut session)?;
     if identity.boxes.is_active(Mode::Arm, status.modes()) != Some(false) {
         return Err(CommandLineError::NotDisarmed);
@@ -51,12 +50,12 @@ pub fn read_override_settings(
     let answers = read_settings(&session);
     // Without `noreboot` older firmware restarts; with it, newer firmware doesn't.
     session.wire.write(b"exit noreboot\n")?;
-    Ok(OverrideSettings::from_answers(&answers?))
+    Ok(CommandLineSettings::from_answers(&answers?))
 }
 
 fn read_settings(session: &Session) -> Result<String, CommandLineError> {
     let mut all = read_answer(session)?;
-    for name in OverrideSettings::NAMES {
+    for name in CommandLineSettings::NAMES {
         session.wire.write(format!("get {name}\n").as_bytes())?;
         all.push_str(&read_answer(session)?);
     }

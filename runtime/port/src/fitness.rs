@@ -46,7 +46,7 @@ pub(crate) fn look(session: &mut Session, mode: ReceiverMode) -> Result<Look, As
                 Some(configuration) => check(configuration, mode),
                 None => check_firmware(&found.identity, mode),
             };
-            unfit.retain(|it| !it.is_unread_override());
+            unfit.retain(|it| !it.is_unread_command_line());
             let found = Some(found);
             Ok(Look { unfit, found })
         }

@@ -15,7 +15,7 @@ mod status;
 mod wire;
 
 pub use address::{Address, BadAddress};
-pub use command_line::{CommandLineError, read_override_settings};
+pub use command_line::{CommandLineError, read_command_line};
 pub use fitness::Found;
 pub use flow::{FlowPort, listen_flow};
 pub use link::{Event, Link};

@@ -7,7 +7,7 @@ use muster_runtime::text::plural;
 use serde_json::json;
 
 use super::{
-    ControllerError, Device, Failure, Outcome, add_override_settings, ask_if_known, open, reading,
+    ControllerError, Device, Failure, Outcome, add_command_line, ask_if_known, open, reading,
 };
 use crate::command::terminal;
 
@@ -22,7 +22,7 @@ pub(super) struct Arguments {
     /// How it is to be flown; as it is configured if absent
     #[arg(long, value_enum)]
     receiver: Option<Receiver>,
-    /// Read the override's settings from Betaflight's command line, which no message has. Disarmed only; the flight
+    /// Read settings that no message has from Betaflight's command line. Disarmed only; the flight
     /// controller may restart.
     #[arg(long)]
     cli: bool,
@@ -71,7 +71,7 @@ fn read(address: &Address, cli: bool) -> Result<(Configuration, Option<Uid>), Co
     let mut configuration = reading(address, Configuration::read(&mut session))?;
     let uid = reading(address, ask_if_known(&mut session))?;
     if cli {
-        add_override_settings(address, session, &mut configuration)?;
+        add_command_line(address, session, &mut configuration)?;
     }
     Ok((configuration, uid))
 }

@@ -13,9 +13,7 @@ use std::path::PathBuf;
 use clap::{Args, Subcommand};
 use muster_msp::check::{Finding, ReceiverMode};
 use muster_msp::{Configuration, Decode, Uid, ask};
-use muster_port::{
-    Address, AskError, BadAddress, CommandLineError, Session, read_override_settings,
-};
+use muster_port::{Address, AskError, BadAddress, CommandLineError, Session, read_command_line};
 
 pub(super) use self::check::findings;
 use super::{Failure, Outcome};
@@ -128,16 +126,16 @@ fn reading<T>(address: &Address, read: Result<T, AskError>) -> Result<T, Control
 }
 
 /// Adds what only the command line tells.
-fn add_override_settings(
+fn add_command_line(
     address: &Address,
     session: Session,
     configuration: &mut Configuration,
 ) -> Result<(), ControllerError> {
-    let settings = read_override_settings(session, &configuration.identity);
-    configuration.override_settings = settings.map_err(|source| ControllerError::CommandLine {
+    let settings = read_command_line(session, &configuration.identity);
+    configuration.command_line = Some(settings.map_err(|source| ControllerError::CommandLine {
         address: address.clone(),
         source,
-    })?;
+    })?);
     Ok(())
 }
 
@@ -148,8 +146,8 @@ pub(super) fn read_for_grant(address: &Address) -> Result<(Configuration, Uid), 
     let mut configuration = reading(address, Configuration::read(&mut session))?;
     let uid = reading(address, ask(&mut session))?;
     let findings = muster_msp::check::check(&configuration, ReceiverMode::Override);
-    if findings.iter().all(Finding::is_unread_override) {
-        add_override_settings(address, session, &mut configuration)?;
+    if findings.iter().all(Finding::is_unread_command_line) {
+        add_command_line(address, session, &mut configuration)?;
     }
     Ok((configuration, uid))
 }

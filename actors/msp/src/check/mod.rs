@@ -58,10 +58,10 @@ pub struct Finding {
 }
 
 impl Finding {
-    /// Whether it only says that the override's settings were not read: no message has them up to Betaflight 4.6.
+    /// Whether it only says that the command line was not asked: no message has the override's settings up to Betaflight 4.6.
     #[must_use]
-    pub fn is_unread_override(&self) -> bool {
-        self.rule == receiver::OVERRIDE_UNREAD
+    pub fn is_unread_command_line(&self) -> bool {
+        self.rule == receiver::COMMAND_LINE_UNREAD
     }
 
     /// Whether it only says that the last override is held for ever. A simulation may fly so.

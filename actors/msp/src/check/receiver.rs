@@ -7,8 +7,8 @@ use crate::channels::Channel;
 use crate::configuration::{Configuration, Identity, OverrideSettings};
 use crate::message::{FeatureConfig, Mode, RxMap};
 
-/// Name of the rule that the override's settings, which no message has, must have been read.
-pub(super) const OVERRIDE_UNREAD: &str = "override-unread";
+/// Name of the rule that settings which no message has must have been read.
+pub(super) const COMMAND_LINE_UNREAD: &str = "command-line-unread";
 /// The rule of a firmware that holds the last override for ever.
 pub(super) const OVERRIDE_FALLBACK: &str = "override-fallback";
 
@@ -135,11 +135,13 @@ fn check_override(configuration: &Configuration, is_sole: bool, findings: &mut F
     if !identity.board.is_simulation() {
         check_pilot(configuration, is_sole, findings);
     }
-    match configuration.override_settings {
+    let command_line = configuration.command_line;
+    let is_unread = command_line.is_none() && identity.boxes.modes.contains(&Mode::MspOverride);
+    match command_line.and_then(|it| it.over_ride) {
         Some(settings) => check_override_settings(settings, findings),
-        None if identity.boxes.modes.contains(&Mode::MspOverride) => findings.add(
-            OVERRIDE_UNREAD,
-            "only the command line has the override's settings",
+        None if is_unread => findings.add(
+            COMMAND_LINE_UNREAD,
+            "only the command line tells the override's settings",
             "not read",
             "muster fc check --cli",
         ),

@@ -31,6 +31,17 @@ pub(super) fn check(configuration: &Configuration, findings: &mut Findings) {
             format!("set angle_limit = {angle_limit_deg}"),
         );
     }
+    let feedforward = configuration
+        .command_line
+        .and_then(|it| it.angle_feedforward);
+    if let Some(percent @ 1..) = feedforward {
+        findings.add(
+            "angle-feedforward",
+            "RC frames that come at once tilt the aircraft: one in a hover by 44°",
+            format!("angle_feedforward = {percent}"),
+            "set angle_feedforward = 0",
+        );
+    }
     differing_throttle(&configuration.rates).report(
         "throttle-curve",
         "motors don't get the throttle that is sent",

@@ -1,10 +1,10 @@
 //! Crafts that are safe to fly.
 
 use muster_msp::{
-    AdvancedConfig, BatteryConfig, CellLimits, CfSerialConfig, Configuration, FailsafeConfig,
-    FailsafeProcedure, FcVersion, FeatureConfig, Identity, Letters, Mode, ModeRange, ModeRanges,
-    MotorProtocol, OverrideSettings, PidAdvanced, RatesType, RcTuning, RxConfig, RxFail,
-    RxFailConfig, RxFailMode, RxMap, SerialPort, ThrottleLimit,
+    AdvancedConfig, BatteryConfig, CellLimits, CfSerialConfig, CommandLineSettings, Configuration,
+    FailsafeConfig, FailsafeProcedure, FcVersion, FeatureConfig, Identity, Letters, Mode,
+    ModeRange, ModeRanges, MotorProtocol, OverrideSettings, PidAdvanced, RatesType, RcTuning,
+    RxConfig, RxFail, RxFailConfig, RxFailMode, RxMap, SerialPort, ThrottleLimit,
 };
 
 pub(crate) fn range(mode: Mode, aux: u8, first_us: u16, end_us: u16) -> ModeRange {
@@ -125,9 +125,12 @@ pub(crate) fn overridden() -> Configuration {
         .ranges
         .ranges
         .push(range(Mode::MspOverride, 2, 1700, 2100));
-    craft.override_settings = Some(OverrideSettings {
-        mask: 15,
-        failsafe: false,
+    craft.command_line = Some(CommandLineSettings {
+        over_ride: Some(OverrideSettings {
+            mask: 15,
+            failsafe: false,
+        }),
+        angle_feedforward: Some(0),
     });
     craft
 }

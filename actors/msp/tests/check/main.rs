@@ -4,9 +4,9 @@ mod craft;
 
 use muster_msp::check::{Finding, ReceiverMode, check};
 use muster_msp::{
-    Ask, CellLimits, Configuration, Decode, Decoder, Encode, FailsafeProcedure, FeatureConfig,
-    Letters, Mode, MotorProtocol, OverrideSettings, RatesType, RxFailMode, ThrottleLimit, Version,
-    order,
+    Ask, CellLimits, CommandLineSettings, Configuration, Decode, Decoder, Encode,
+    FailsafeProcedure, FeatureConfig, Letters, Mode, MotorProtocol, OverrideSettings, RatesType,
+    RxFailMode, ThrottleLimit, Version, order,
 };
 use serde::Deserialize;
 
@@ -202,7 +202,7 @@ const OF_ANY_CRAFT: [(&str, Change); 11] = [
     }),
 ];
 
-const OVERRIDDEN: [(&str, Change); 12] = [
+const OVERRIDDEN: [(&str, Change); 14] = [
     ("receiver", |it| {
         it.features.features |= FeatureConfig::RX_MSP;
     }),
@@ -215,8 +215,14 @@ const OVERRIDDEN: [(&str, Change); 12] = [
     ("override-fallback", |it| {
         it.identity.version = version(4, 6, 0);
     }),
-    ("override-unread", |it| {
-        it.override_settings = None;
+    ("command-line-unread", |it| {
+        it.command_line = None;
+    }),
+    ("override-mask", |it| {
+        command_line(it).over_ride = None;
+    }),
+    ("angle-feedforward", |it| {
+        command_line(it).angle_feedforward = Some(50);
     }),
     ("override-mask", |it| {
         settings(it).mask = 0;
@@ -246,11 +252,13 @@ fn cell(craft: &mut Configuration) -> &mut CellLimits {
     craft.battery.limits.as_mut().expect("the craft has them")
 }
 
+fn command_line(craft: &mut Configuration) -> &mut CommandLineSettings {
+    craft.command_line.as_mut().expect("the craft has it")
+}
+
 fn settings(craft: &mut Configuration) -> &mut OverrideSettings {
-    craft
-        .override_settings
-        .as_mut()
-        .expect("the craft has them")
+    let settings = command_line(craft).over_ride.as_mut();
+    settings.expect("the craft has them")
 }
 
 #[test]
@@ -322,15 +330,26 @@ fn the_mode_is_what_the_controller_is_configured_for() {
 #[test]
 fn settings_are_found_among_the_command_lines_answers() {
     let answers = "# get msp_override_channels_mask\r\nmsp_override_channels_mask = 47\r\nAllowed range: 0 - 262143\r\n\
-                   \r\n# get msp_override_failsafe\r\nmsp_override_failsafe = ON\r\nAllowed values: OFF, ON\r\n";
+                   \r\n# get msp_override_failsafe\r\nmsp_override_failsafe = ON\r\nAllowed values: OFF, ON\r\n\
+                   \r\n# get angle_feedforward\r\nangle_feedforward = 50\r\nprofile 0\r\nAllowed range: 0 - 200\r\n\
+                   \r\nangle_feedforward_smoothing_ms = 80\r\nprofile 0\r\nAllowed range: 10 - 250\r\n";
     assert_eq!(
-        OverrideSettings::from_answers(answers),
-        Some(OverrideSettings {
-            mask: 47,
-            failsafe: true
-        })
+        CommandLineSettings::from_answers(answers),
+        CommandLineSettings {
+            over_ride: Some(OverrideSettings {
+                mask: 47,
+                failsafe: true
+            }),
+            angle_feedforward: Some(50),
+        }
     );
-    assert_eq!(OverrideSettings::from_answers("###ERROR###"), None);
+    assert_eq!(
+        CommandLineSettings::from_answers("###ERROR###"),
+        CommandLineSettings {
+            over_ride: None,
+            angle_feedforward: None,
+        }
+    );
 }
 
 #[derive(Deserialize)]

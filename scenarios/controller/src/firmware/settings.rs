@@ -126,8 +126,6 @@ pub struct Tuning {
     pub gains: [Gains; 3],
     /// `angle_p_gain`: strength of angle mode; a tenth of it is the rate for an angle, in 1/s.
     pub angle_p: f64,
-    /// `angle_feedforward`: share of the goal's speed, in percent.
-    pub angle_feedforward: f64,
     /// `angle_limit`, in degrees.
     pub angle_limit_deg: f64,
     /// Rate for small deflections, extended to a full one, in °/s (rates type ACTUAL).
@@ -262,8 +260,7 @@ impl Default for Tuning {
                 gains(47.0, 84.0, 34.0),
                 gains(45.0, 80.0, 0.0),
             ],
-            angle_p: 50.0,
-            angle_feedforward: 50.0,
+            angle_p: 80.0,
             angle_limit_deg: 60.0,
             centre_rate_dps: 70.0,
             max_rate_dps: 670.0,

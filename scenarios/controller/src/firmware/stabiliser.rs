@@ -1,7 +1,7 @@
 //! Rate and angle controllers, and the mixer: from sticks and gyro to duty cycles.
 //!
-//! Structure and scales: Betaflight 4.5, `flight/pid.c`, `flight/pid.h`, `fc/rc.c` and `flight/mixer.c`. Left out: feedforward
-//! of rates, smoothing of sticks, TPA, D boost, I relax, anti-gravity, notch filters.
+//! Structure and scales: Betaflight 4.5, `flight/pid.c`, `flight/pid.h`, `fc/rc.c` and `flight/mixer.c`. Left out: feedforward,
+//! smoothing of sticks, TPA, D boost, I relax, anti-gravity, notch filters.
 
 use nalgebra::Vector3;
 
@@ -23,10 +23,6 @@ const SUM_MAX: [f64; 3] = [500.0, 500.0, 400.0];
 /// Time constant of the filter of the derivative, in seconds: 75 Hz (`dterm_lpf1_dyn_min_hz`).
 const DERIVATIVE_LAG_S: f64 = 1.0 / (2.0 * std::f64::consts::PI * 75.0);
 
-/// Time constant of each of the three poles that smooth the feedforward of angles, in seconds: 80 ms
-/// (`angle_feedforward_smoothing_ms`) for all three together, as a cutoff at -3 dB.
-const FEEDFORWARD_LAG_S: f64 = 0.08 / 1.961;
-
 /// Share of the throttle from which the motors stabilise at low throttle, too (`airmode_start_throttle_percent`).
 const AIRMODE_THROTTLE: f64 = 0.25;
 
@@ -44,8 +40,6 @@ pub(crate) struct Stabiliser {
     integral: Vector3<f64>,
     last_rates_dps: Vector3<f64>,
     derivative: Vector3<f64>,
-    /// Poles that smooth the goals of roll and pitch, in degrees.
-    smoothed_deg: [[f64; 3]; 2],
     is_airborne_once: bool,
 }
 
@@ -56,7 +50,6 @@ impl Stabiliser {
             integral: Vector3::zeros(),
             last_rates_dps: Vector3::zeros(),
             derivative: Vector3::zeros(),
-            smoothed_deg: [[0.0; 3]; 2],
             is_airborne_once: false,
         }
     }
@@ -97,8 +90,8 @@ impl Stabiliser {
         mix(sums, sticks.throttle, self.tuning.idle)
     }
 
-    /// Rates to reach, in °/s. In angle mode: the error's share, and the smoothed speed of the goal.
-    fn goal_dps(&mut self, sticks: &Sticks, angles_rad: Option<[f64; 2]>) -> [f64; 3] {
+    /// Rates to reach, in °/s. In angle mode: the error's share.
+    fn goal_dps(&self, sticks: &Sticks, angles_rad: Option<[f64; 2]>) -> [f64; 3] {
         let tuning = &self.tuning;
         let mut goal_dps = sticks.deflections.map(|it| tuning.rate_dps(it));
         let Some(angles_rad) = angles_rad else {
@@ -106,15 +99,7 @@ impl Stabiliser {
         };
         for (axis, angle_rad) in angles_rad.into_iter().enumerate() {
             let angle_deg = tuning.angle_limit_deg * goal_dps[axis] / tuning.max_rate_dps;
-            let poles = &mut self.smoothed_deg[axis];
-            let mut input = angle_deg;
-            for pole in poles.iter_mut() {
-                *pole += (input - *pole) * (STEP_S / (FEEDFORWARD_LAG_S + STEP_S));
-                input = *pole;
-            }
-            let speed_dps = (poles[1] - poles[2]) / FEEDFORWARD_LAG_S;
-            goal_dps[axis] = (angle_deg - angle_rad.to_degrees()) * tuning.angle_p / 10.0
-                + speed_dps * tuning.angle_feedforward / 100.0;
+            goal_dps[axis] = (angle_deg - angle_rad.to_degrees()) * tuning.angle_p / 10.0;
         }
         goal_dps
     }

@@ -70,7 +70,7 @@ fn touchdown_breaks_by_speed_not_by_ground() {
 }
 
 #[test]
-fn roll_step_settles_within_a_third_of_a_second_with_little_overshoot() {
+fn roll_step_settles_within_half_a_second_without_overshoot() {
     let mut companion = Companion::hovering(exact(Settings::sole()), 10.0);
     // 70 d + 600 d² of 670 °/s, of 60°.
     let deflection = 0.4_f64;
@@ -91,10 +91,10 @@ fn roll_step_settles_within_a_third_of_a_second_with_little_overshoot() {
             reached_ms = Some(20 * ms);
         }
     }
-    // Half of the goal's speed, smoothed over 80 ms, and 5 /s of the error: 95 % after 0.2 s, and the delay of RC and rates.
+    // 8 /s of the error: 95 % after 0.37 s, and the delay of RC and rates.
     let reached_ms = reached_ms.expect("it settles");
-    assert!((150..=300).contains(&reached_ms), "{reached_ms} ms");
-    assert!(highest < 1.05 * expected, "{highest}° of {expected}°");
+    assert!((300..=450).contains(&reached_ms), "{reached_ms} ms");
+    assert!(highest < 1.01 * expected, "{highest}° of {expected}°");
 }
 
 #[test]

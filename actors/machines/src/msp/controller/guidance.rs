@@ -21,16 +21,16 @@ const REST_MPS: f64 = 0.4;
 const PRESS_MPS3: f64 = 4.0;
 /// How long a vehicle must be still before it is pressed: one that sinks slowly isn't.
 const STILL_FOR: Duration = Duration::from_secs(1);
-/// Time over which the reference is averaged, so that its acceleration doesn't jump: at most 5 m/s³ of jerk for each m/s² by
-/// which a leg's acceleration changes. PX4 limits it to 4 m/s³ where a leg accelerates with 3 m/s² (`MPC_JERK_AUTO`,
-/// `MPC_ACC_HOR`), which would delay a leg by 0.4 s.
-const AVERAGED: Duration = Duration::from_millis(200);
+/// References that are averaged, so that acceleration doesn't jump: at most 5 m/s³ of jerk for each m/s² by which a leg's
+/// acceleration changes. PX4 limits it to 4 m/s³ where a leg accelerates with 3 m/s² (`MPC_JERK_AUTO`, `MPC_ACC_HOR`), which
+/// would delay a leg by 0.4 s.
+const AVERAGED: u32 = 10;
+/// From the first of them to now.
+const AVERAGED_FOR: Duration = RC_PERIOD.saturating_mul(AVERAGED);
 /// From one reference to the next, in seconds.
 const PERIOD_S: f64 = RC_PERIOD.as_secs_f64();
-/// References that are averaged.
-const AVERAGED_COUNT: i32 = 10;
 /// How far the mean is behind, in seconds.
-const DELAY_S: f64 = (AVERAGED_COUNT - 1) as f64 * PERIOD_S / 2.0;
+const DELAY_S: f64 = (AVERAGED - 1) as f64 * PERIOD_S / 2.0;
 /// Distance from the reference beyond which it starts anew where the vehicle is, in metres: it could not follow.
 const LEFT_BEHIND_M: f64 = 8.0;
 
@@ -44,18 +44,18 @@ impl Smooth {
     /// The mean with another reference.
     fn with(&mut self, now: Timestamp, reference: Reference) -> Reference {
         let (position, velocity) = (reference.position, reference.velocity);
+        while self.0.len() >= AVERAGED as usize
+            || (self.0.front()).is_some_and(|(at, _)| now.since(*at) >= AVERAGED_FOR)
+        {
+            self.0.pop_front();
+        }
         if self.0.is_empty() {
-            let before = (1..AVERAGED_COUNT).rev().map(|number| Reference {
+            let before = (1..AVERAGED).rev().map(|number| Reference {
                 position: Ned(position.0 - velocity.0 * (f64::from(number) * PERIOD_S)),
                 velocity,
                 acceleration: Vector3::zeros(),
             });
             self.0.extend(before.map(|it| (now, it)));
-        }
-        while self.0.len() >= AVERAGED_COUNT as usize
-            || (self.0.front()).is_some_and(|(at, _)| now.since(*at) >= AVERAGED)
-        {
-            self.0.pop_front();
         }
         self.0.push_back((now, reference));
         Reference {
@@ -397,6 +397,20 @@ mod tests {
         );
         assert!((velocity.0.x - 3.0).abs() < 1e-9, "{velocity:?}");
         assert_smooth(&first);
+    }
+
+    #[test]
+    fn reference_that_was_not_asked_for_goes_on_as_if_it_had_been() {
+        let [asked, paused] = [4..5, 4..4].map(|meanwhile| {
+            let (mut guidance, mut estimate) = begun(leg(50.0));
+            references(&mut guidance, 0..4, &mut estimate);
+            references(&mut guidance, meanwhile, &mut estimate);
+            references(&mut guidance, 5..6, &mut estimate)
+        });
+        for (asked, paused) in asked.iter().zip(&paused) {
+            let apart_m = asked.position.distance_m(paused.position);
+            assert!(apart_m < 1e-9, "{asked:?} {paused:?}");
+        }
     }
 
     #[test]
