@@ -46,6 +46,7 @@ UNSAFE = [
     ("sole", ["set angle_limit = 45"], "angle_limit"),
     ("sole", ["set throttle_limit_type = SCALE"], "throttle-curve"),
     ("sole", ["set thr_hover = 30"], "throttle-curve"),
+    ("override", ["set angle_feedforward = 50"], "angle-feedforward"),
     ("override", ["set rates_type = QUICK"], "rates"),
     ("override", ["set msp_override_channels_mask = 7"], "override-mask"),
     ("override", ["aux 2 50 2 900 900 0 0"], "override-mode"),

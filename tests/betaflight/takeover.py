@@ -6,6 +6,7 @@ usage: takeover.py PROGRAM MUSTER [RUNS [AT_ONCE]]
 import concurrent.futures
 import csv
 import json
+import math
 import pathlib
 import random
 import statistics
@@ -14,6 +15,8 @@ import sys
 import tempfile
 
 TAKEN = "its pilot took it over"
+# It is noticed within this time.
+NOTICED_S = 0.5
 # The pilot takes over at least so long after it has left the ground and before it is down again.
 MARGIN_S = 1
 
@@ -38,10 +41,10 @@ def take_over(program, muster, seed, at_s):
     """Seconds from the take-over until the swarm sees a landing; fails unless the aircraft is the pilot's, and stays down."""
     fault = f'faults=[{{ kind = "take-over", at_s = {at_s:.2f}, drone = 0 }}]'
     report, rows = flight(program, muster, seed, fault)
-    before = [state for time, _, state in rows if time < at_s]
+    lands = next((time for time, _, state in rows if state == "landing"), math.inf)
     why = report["drones"][0]["landed_because"]
-    # Who lands anyway has another reason, or none.
-    if report["violations"] or (why != TAKEN and before[-1] != "landing"):
+    # Who begins to land before the take-over is noticed has another reason, or none.
+    if report["violations"] or (why != TAKEN and lands > at_s + NOTICED_S):
         raise RuntimeError(f"seed {seed}, {at_s:.1f} s: {report['violations']}, {why}")
     seen = [time for time, _, state in rows if time >= at_s and state in ("landing", "landed", "finished")]
     # Whoever arms again climbs again.

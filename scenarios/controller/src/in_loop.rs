@@ -7,6 +7,7 @@
 //! Betaflight 4.6 (`tests/betaflight/physics.py`).
 
 use muster_machines::time::Timestamp;
+use nalgebra::UnitQuaternion;
 
 use crate::aircraft::Aircraft;
 use crate::controller::{Config, STEP_NANOS, Truth};
@@ -73,7 +74,9 @@ impl InLoop {
         let body = &self.aircraft.body;
         let rates = self.sensors.rates(step, body);
         let force = self.sensors.acceleration(step, body);
-        let attitude = body.attitude.quaternion();
+        // The firmware takes it for its own estimate, which is as wrong as that of the simulated controller.
+        let [roll, pitch, heading] = self.sensors.angles_rad(step, body);
+        let attitude = UnitQuaternion::from_euler_angles(roll, pitch, heading);
         let altitude_m = self.sensors.barometer_m(step, body);
         let origin = self.config.origin;
         let parallel = libm::cos(origin.latitude_deg().to_radians());

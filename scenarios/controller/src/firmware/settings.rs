@@ -206,21 +206,26 @@ impl Settings {
     }
 
     /// As [`Settings::sole`], and fit to fly: when RC stops, the Agilicious quadrotor sinks with less than 2.5 m/s, as its
-    /// legs survive.
+    /// legs survive; without feedforward it leans as fast as Betaflight's defaults do with it.
     #[must_use]
     pub fn fit() -> Self {
         let mut settings = Self::sole();
         settings.failsafe.procedure = Procedure::Land;
         settings.failsafe.delay_ds = 4;
         settings.failsafe.throttle_us = 1_295;
+        settings.tuning.angle_p = 80.0;
         settings
     }
 
     /// As [`Settings::fit`], with a pilot's receiver: the first version that gives the sticks back when RC stops.
     #[must_use]
     pub fn fit_overriding() -> Self {
+        let Self {
+            failsafe, tuning, ..
+        } = Self::fit();
         Self {
-            failsafe: Self::fit().failsafe,
+            failsafe,
+            tuning,
             ..Self::overriding(Version::DROPS_STALE_OVERRIDE)
         }
     }
@@ -251,7 +256,7 @@ impl Settings {
 }
 
 impl Default for Tuning {
-    /// Betaflight 4.5 and 4.6: gains 45 80 30, 47 84 34, 45 80 0; angle 50, 50 and 60°; rates ACTUAL 70 and 670 °/s; idle 5.5 %.
+    /// Betaflight 4.5 and 4.6: gains 45 80 30, 47 84 34, 45 80 0; angle 50 and 60°; rates ACTUAL 70 and 670 °/s; idle 5.5 %.
     fn default() -> Self {
         let gains = |p, i, d| Gains { p, i, d };
         Self {
@@ -260,7 +265,7 @@ impl Default for Tuning {
                 gains(47.0, 84.0, 34.0),
                 gains(45.0, 80.0, 0.0),
             ],
-            angle_p: 80.0,
+            angle_p: 50.0,
             angle_limit_deg: 60.0,
             centre_rate_dps: 70.0,
             max_rate_dps: 670.0,

@@ -1,7 +1,7 @@
 //! Rate and angle controllers, and the mixer: from sticks and gyro to duty cycles.
 //!
 //! Structure and scales: Betaflight 4.5, `flight/pid.c`, `flight/pid.h`, `fc/rc.c` and `flight/mixer.c`. Left out: feedforward,
-//! smoothing of sticks, TPA, D boost, I relax, anti-gravity, notch filters.
+//! smoothing of sticks, TPA, D boost, anti-gravity, notch filters.
 
 use nalgebra::Vector3;
 
@@ -23,6 +23,15 @@ const SUM_MAX: [f64; 3] = [500.0, 500.0, 400.0];
 /// Time constant of the filter of the derivative, in seconds: 75 Hz (`dterm_lpf1_dyn_min_hz`).
 const DERIVATIVE_LAG_S: f64 = 1.0 / (2.0 * std::f64::consts::PI * 75.0);
 
+/// Time constant of the filter of goals that the integrals of roll and pitch are compared with, in seconds: 15 Hz
+/// (`iterm_relax_cutoff`).
+const RELAX_LAG_S: f64 = 1.0 / (2.0 * std::f64::consts::PI * 15.0);
+/// How far a goal may be from its filtered one until the integral stands still, in angle mode: a fifth of 40 °/s
+/// (`ITERM_RELAX_SETPOINT_THRESHOLD`).
+const RELAX_ANGLE_DPS: f64 = 8.0;
+/// The same without angle mode.
+const RELAX_DPS: f64 = 40.0;
+
 /// Share of the throttle from which the motors stabilise at low throttle, too (`airmode_start_throttle_percent`).
 const AIRMODE_THROTTLE: f64 = 0.25;
 
@@ -40,6 +49,8 @@ pub(crate) struct Stabiliser {
     integral: Vector3<f64>,
     last_rates_dps: Vector3<f64>,
     derivative: Vector3<f64>,
+    /// Goals of roll and pitch, filtered.
+    relaxed_dps: [f64; 2],
     is_airborne_once: bool,
 }
 
@@ -50,6 +61,7 @@ impl Stabiliser {
             integral: Vector3::zeros(),
             last_rates_dps: Vector3::zeros(),
             derivative: Vector3::zeros(),
+            relaxed_dps: [0.0; 2],
             is_airborne_once: false,
         }
     }
@@ -77,17 +89,31 @@ impl Stabiliser {
             return [self.tuning.idle; 4];
         }
         let goal_dps = self.goal_dps(sticks, angles_rad);
+        let relax_dps = angles_rad.map_or(RELAX_DPS, |_| RELAX_ANGLE_DPS);
+        let shares = self.integrated_shares(goal_dps, relax_dps);
         let mut sums = [0.0; 3];
         for axis in 0..3 {
             let gains = &self.tuning.gains[axis];
             let error_dps = goal_dps[axis] - rates_dps[axis];
-            let integral = self.integral[axis] + I_SCALE * gains.i * error_dps * STEP_S;
+            let grows = I_SCALE * gains.i * error_dps * shares[axis] * STEP_S;
+            let integral = self.integral[axis] + grows;
             self.integral[axis] = integral.clamp(-INTEGRAL_MAX, INTEGRAL_MAX);
             let sum = P_SCALE * gains.p * error_dps + self.integral[axis]
                 - D_SCALE * gains.d * self.derivative[axis];
             sums[axis] = sum.clamp(-SUM_MAX[axis], SUM_MAX[axis]) / 1_000.0;
         }
         mix(sums, sticks.throttle, self.tuning.idle)
+    }
+
+    /// Shares of the errors that are integrated: less while the goals of roll and pitch change fast (`iterm_relax = RP`).
+    fn integrated_shares(&mut self, goal_dps: [f64; 3], relax_dps: f64) -> [f64; 3] {
+        let mut shares = [1.0; 3];
+        for (axis, relaxed_dps) in self.relaxed_dps.iter_mut().enumerate() {
+            *relaxed_dps += (goal_dps[axis] - *relaxed_dps) * (STEP_S / (RELAX_LAG_S + STEP_S));
+            let changes_dps = (goal_dps[axis] - *relaxed_dps).abs();
+            shares[axis] = (1.0 - changes_dps / relax_dps).max(0.0);
+        }
+        shares
     }
 
     /// Rates to reach, in °/s. In angle mode: the error's share.

@@ -72,20 +72,36 @@ fn rows() -> Vec<Row> {
     RECORDED.lines().skip(1).map(of).collect()
 }
 
-/// Differences in angles at the end of each phase, in degrees, when the model gets the recorded sticks.
-fn differences_deg() -> Vec<(String, [f64; 3])> {
+/// What the model does with the recorded sticks, beside the recording.
+struct Flown {
+    /// Differences in angles at the end of each phase, in degrees.
+    ends_deg: Vec<(String, [f64; 3])>,
+    /// When roll and pitch first were 9° in the steps to 10°, in ms: of the model, and of the recording.
+    rises_ms: [[Option<u64>; 2]; 2],
+}
+
+fn fly() -> Flown {
     let config = Config {
         airframe: body(),
-        ..exact(Settings::sole())
+        ..exact(Settings::fit())
     };
     let mut companion = Companion::armed(config);
     let mut ends: Vec<(String, [f64; 3])> = Vec::new();
+    let mut rises_ms = [[None; 2]; 2];
     for row in rows() {
         companion.rc = Some(row.rc);
         companion.run_ms(20);
         let truth = companion.truth();
         let (roll, pitch, heading) = truth.attitude.euler_angles();
         let mut difference = [roll, pitch, heading].map(f64::to_degrees);
+        for (axis, phase) in ["roll 10", "pitch 10"].iter().enumerate() {
+            for (rise_ms, angles_deg) in rises_ms[axis].iter_mut().zip([difference, row.angles_deg])
+            {
+                if row.phase == *phase && angles_deg[axis].abs() >= 9.0 {
+                    rise_ms.get_or_insert(row.ms);
+                }
+            }
+        }
         for (of_axis, recorded) in difference.iter_mut().zip(row.angles_deg) {
             *of_axis = (*of_axis - recorded).abs();
         }
@@ -97,16 +113,31 @@ fn differences_deg() -> Vec<(String, [f64; 3])> {
             _ => ends.push((row.phase, difference)),
         }
     }
-    ends
+    Flown {
+        ends_deg: ends,
+        rises_ms,
+    }
 }
 
-/// The recorded controllers ran slower than their filters assume and still creep at the end of a phase of a second, so only
-/// what they settle on can be compared, and that to a tenth of the step.
+/// The recorded controllers ran slower than their filters assume and still creep at the end of a phase of a second.
 #[test]
 fn steps_end_where_the_firmwares_end_within_a_tenth() {
-    for (phase, [roll, pitch, heading]) in differences_deg() {
+    for (phase, [roll, pitch, heading]) in fly().ends_deg {
         assert!(roll < 1.0, "{phase}: {roll}° of 10°");
         assert!(pitch < 1.0, "{phase}: {pitch}° of 10°");
         assert!(heading < 3.8, "{phase}: {heading}° of 38°");
+    }
+}
+
+#[test]
+fn roll_and_pitch_rise_as_fast_as_the_firmwares() {
+    for (model_ms, recorded_ms) in fly()
+        .rises_ms
+        .map(|[model, recorded]| (model.unwrap(), recorded.unwrap()))
+    {
+        assert!(
+            model_ms.abs_diff(recorded_ms) <= 40,
+            "{model_ms} and {recorded_ms} ms"
+        );
     }
 }
