@@ -28,18 +28,24 @@ def summary(values):
 
 
 class Flight:
-    """A firmware with its physics and a link. A thread sends RC frames every 20 ms, the pilot's radio frames too.
+    """A firmware with its physics and a link. A thread sends RC frames every 20 ms, the pilot's radio frames too. One flies at a
+    time: if an error has ended the flight before, it is stopped.
 
     `start` makes the firmware, or what stands in its place, from a program and its configuration."""
 
+    flying = None
+
     def __init__(self, path, configuration, held=True, pilot=None, start=Firmware):
+        if Flight.flying:
+            Flight.flying.stop()
+        self.link, self.stopped, self.unanswered = None, False, 0
         self.firmware = start(path, configuration)
         self.physics = physics.Peer(held)
+        Flight.flying = self
         self.sticks, self.pilot, self.sending, self.sent_at = list(LOW), pilot, True, 0.0
         self.radio = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self.radio_on = False  # the firmware forgets a radio that sends while it starts
         self.seen = []  # (time, arming flags, mode bits, RC) of each poll
-        self.link, self.stopped, self.unanswered = None, False, 0
         threading.Thread(target=self._send_sticks, daemon=True).start()
         self._connect()
 
@@ -127,7 +133,8 @@ class Flight:
         switches[2] = throttle
 
     def stop(self):
-        self.stopped = True
-        self.link.close()
+        Flight.flying, self.stopped = None, True
+        if self.link:
+            self.link.close()
         self.physics.stop()
         self.firmware.stop()
