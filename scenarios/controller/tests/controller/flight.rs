@@ -71,7 +71,7 @@ fn touchdown_breaks_by_speed_not_by_ground() {
 
 #[test]
 fn roll_step_settles_within_half_a_second_without_overshoot() {
-    let mut companion = Companion::hovering(exact(Settings::sole()), 10.0);
+    let mut companion = Companion::hovering(exact(Settings::fit()), 10.0);
     // 70 d + 600 d² of 670 °/s, of 60°.
     let deflection = 0.4_f64;
     let expected = 60.0 * (70.0 * deflection + 600.0 * deflection * deflection) / 670.0;
