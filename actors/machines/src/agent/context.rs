@@ -2,18 +2,13 @@
 
 use std::time::Duration;
 
-use bytes::Bytes;
 use rand_chacha::ChaCha8Rng;
 
 use super::host::State;
-use super::{
-    ALTITUDE_MIN_M, Destination, KEPT_MAX, MESSAGE_FRAME_MAX, MESSAGE_MAX, MESSAGES_PER_STEP_MAX,
-    MessageId, OBSERVATIONS_PER_STEP_MAX, Observed, Reliability, TIMER_MIN, TimerId, TooMuch,
-};
+use super::{ALTITUDE_MIN_M, Destination, MessageId, Reliability, TIMER_MIN, TimerId, TooMuch};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::navigation::Goal;
-use crate::routing::Outgoing;
 use crate::time::Timestamp;
 
 /// What an agent can read and do. Positions are relative to home: north, east, down, in metres.
@@ -131,11 +126,12 @@ impl Context<'_> {
 
     /// Comes to rest, descends on the spot and disarms. The agent is not called any more. The other drones are told.
     pub const fn land(&mut self) {
-        self.state.lands = true;
+        self.state.output.land();
     }
 
-    /// Sends a message of at most [`MESSAGE_MAX`] bytes, to neighbours or to all of at most [`MESSAGE_FRAME_MAX`]. A message
-    /// to all can't be acknowledged: each hop repeats it, whatever `reliability` says, and no outcome is told.
+    /// Sends a message of at most [`MESSAGE_MAX`](super::MESSAGE_MAX) bytes, to neighbours or to all of at most
+    /// [`MESSAGE_FRAME_MAX`](super::MESSAGE_FRAME_MAX). A message to all can't be acknowledged: each hop repeats it, whatever
+    /// `reliability` says, and no outcome is told.
     ///
     /// # Errors
     /// The message is too long, or this step has sent too many. Nothing is sent.
@@ -145,24 +141,7 @@ impl Context<'_> {
         payload: &[u8],
         reliability: Reliability,
     ) -> Result<MessageId, TooMuch> {
-        let (max, reliability) = match to {
-            Destination::All => (MESSAGE_FRAME_MAX, Reliability::BestEffort),
-            Destination::Neighbours => (MESSAGE_FRAME_MAX, reliability),
-            Destination::Leader | Destination::Drone(_) => (MESSAGE_MAX, reliability),
-        };
-        check_len(payload, max)?;
-        if self.state.outgoing.len() >= MESSAGES_PER_STEP_MAX {
-            let max = MESSAGES_PER_STEP_MAX;
-            return Err(TooMuch::Messages { max });
-        }
-        let id = self.state.next_message();
-        self.state.outgoing.push(Outgoing {
-            id: id.0,
-            to,
-            reliability,
-            payload: Bytes::copy_from_slice(payload),
-        });
-        Ok(id)
+        self.state.output.send(to, payload, reliability)
     }
 
     /// Starts a timer, or restarts it. It expires after at least [`TIMER_MIN`].
@@ -184,33 +163,26 @@ impl Context<'_> {
     /// leaves the drone.
     ///
     /// # Errors
-    /// It is longer than [`KEPT_MAX`]. The last one stays.
+    /// It is longer than [`KEPT_MAX`](super::KEPT_MAX). The last one stays.
     pub fn keep(&mut self, kept: &[u8]) -> Result<(), TooMuch> {
-        check_len(kept, KEPT_MAX)?;
-        self.state.new_kept = Some(kept.to_vec());
-        Ok(())
+        self.state.output.keep(kept)
     }
 
     /// The kept state; `None` if there is none.
     #[must_use]
     pub fn kept(&self) -> Option<&[u8]> {
-        let kept = self.state.new_kept.as_ref();
-        kept.or(self.state.durable.kept.as_ref()).map(Vec::as_slice)
+        let kept = self.state.output.kept();
+        kept.or(self.state.durable.kept.as_deref())
     }
 
     /// Reports a named value to observers: the report, the log and recordings show it. More than
-    /// [`OBSERVATIONS_PER_STEP_MAX`] in one step are dropped.
+    /// [`OBSERVATIONS_PER_STEP_MAX`](super::OBSERVATIONS_PER_STEP_MAX) in one step are dropped.
     pub fn observe(&mut self, name: &str, value: f64) {
-        if self.state.observed.len() < OBSERVATIONS_PER_STEP_MAX {
-            self.state.observed.push(Observed {
-                name: name.to_owned(),
-                value,
-            });
-        }
+        self.state.output.observe(name, value);
     }
 
     fn set_goal(&mut self, goal: Goal) {
-        self.state.new_goal = Some(goal);
+        self.state.output.set_goal(goal);
     }
 
     fn within_limits(&self, place: Ned) -> Ned {
@@ -225,13 +197,3 @@ impl Context<'_> {
 
 /// How long a drone flies on without a new call of [`Context::track`].
 const TRACK_HOLD: Duration = Duration::from_secs(1);
-
-const fn check_len(bytes: &[u8], max: usize) -> Result<(), TooMuch> {
-    if bytes.len() > max {
-        return Err(TooMuch::Bytes {
-            len: bytes.len(),
-            max,
-        });
-    }
-    Ok(())
-}

@@ -9,14 +9,15 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::runner::{Failed, Runner};
+use super::step_output::StepOutput;
 use super::timers::Timers;
-use super::{Agent, Checkpoint, Context, MessageId, Observed, SwarmEvent, Telemetry};
+use super::{Agent, Checkpoint, Context, MessageId, SwarmEvent, Telemetry};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
 use crate::mission::{Event, Input, LandingReason, Mission, Protocol, Transmit};
 use crate::navigation::{Goal, Notice as NavigationNotice};
-use crate::routing::{Notice as RoutingNotice, Outgoing};
+use crate::routing::Notice as RoutingNotice;
 use crate::supervision::RestartLimits;
 use crate::time::Timestamp;
 
@@ -74,29 +75,13 @@ pub(super) struct State {
     pub(super) roster: NodeSet,
     pub(super) leader: NodeId,
     pub(super) position: Ned,
-    /// Id of the last message.
-    last_message: u32,
-    /// What the agent asked for in this step.
-    pub(super) new_goal: Option<Goal>,
-    pub(super) new_kept: Option<Vec<u8>>,
-    pub(super) lands: bool,
-    pub(super) outgoing: Vec<Outgoing>,
-    pub(super) observed: Vec<Observed>,
+    pub(super) output: StepOutput,
 }
 
 impl State {
-    pub(super) const fn next_message(&mut self) -> MessageId {
-        self.last_message = self.last_message.wrapping_add(1);
-        MessageId(self.last_message)
-    }
-
     /// Forgets what a failed agent asked for.
     fn discard(&mut self) {
-        self.new_goal = None;
-        self.new_kept = None;
-        self.lands = false;
-        self.outgoing.clear();
-        self.observed.clear();
+        self.output.discard();
         self.timers.clear();
     }
 }
@@ -143,13 +128,8 @@ impl Host {
             leader: config.id,
             position: config.slot,
             // Reports on messages that were sent before a restart must not meet new ones.
-            last_message: rng.random(),
+            output: StepOutput::new(rng.random()),
             rng,
-            new_goal: None,
-            new_kept: None,
-            lands: false,
-            outgoing: Vec::new(),
-            observed: Vec::new(),
             config,
         };
         Self {
@@ -206,8 +186,8 @@ impl Host {
 
     /// Carries out what the agent asked for.
     fn carry_out(&mut self) {
-        let goal = self.state.new_goal.take();
-        let kept = self.state.new_kept.take();
+        let goal = self.state.output.take_goal();
+        let kept = self.state.output.take_kept();
         if let Some(goal) = goal {
             self.state.durable.goal = Some(goal);
             self.outbox.transmit(Transmit::Goal(goal));
@@ -217,14 +197,13 @@ impl Host {
             let checkpoint = Box::new(self.state.durable.clone());
             self.outbox.event_first(Event::AgentCheckpoint(checkpoint));
         }
-        for observed in self.state.observed.drain(..) {
+        for observed in self.state.output.drain_observed() {
             self.outbox.event(Event::Observed(observed));
         }
-        if !self.state.outgoing.is_empty() {
-            let outgoing = std::mem::take(&mut self.state.outgoing);
-            self.outbox.transmit(Transmit::Messages(outgoing));
+        if let Some(messages) = self.state.output.take_messages() {
+            self.outbox.transmit(Transmit::Messages(messages));
         }
-        if std::mem::take(&mut self.state.lands) {
+        if self.state.output.take_landing() {
             self.mission.end_task(LandingReason::MissionOver);
             self.take_mission_outputs();
         }

@@ -15,6 +15,7 @@
 mod context;
 mod host;
 mod runner;
+mod step_output;
 mod timers;
 
 use std::fmt;
