@@ -6,6 +6,7 @@
 pub mod autopilot;
 pub mod controller;
 mod introduction;
+mod outputs;
 mod silence;
 
 use std::time::Duration;
@@ -167,6 +168,17 @@ pub struct Checkpoint {
     pub gave_up: bool,
     /// What a vehicle with a flight controller or an autopilot was flying.
     pub flight: Option<controller::Flight>,
+}
+
+impl Checkpoint {
+    /// Whether nothing has changed that a checkpoint is written for.
+    fn is_same(&self, other: &Self) -> bool {
+        let is_same_flight = match (&self.flight, &other.flight) {
+            (Some(flight), Some(other)) => flight.is_same(other),
+            (flight, other) => flight == other,
+        };
+        self.gave_up == other.gave_up && is_same_flight
+    }
 }
 
 /// A machine that can be a drone's flight-controller link.

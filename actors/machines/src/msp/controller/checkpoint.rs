@@ -37,7 +37,7 @@ const HOVER_THROTTLE_STEP: f64 = 0.01;
 
 impl Flight {
     /// Whether nothing has changed that a checkpoint is written for: the hover throttle always changes a little.
-    pub(super) fn is_same(&self, other: &Self) -> bool {
+    pub(in crate::msp) fn is_same(&self, other: &Self) -> bool {
         if (self.hover_throttle - other.hover_throttle).abs() >= HOVER_THROTTLE_STEP {
             return false;
         }

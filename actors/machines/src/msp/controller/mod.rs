@@ -37,8 +37,9 @@ use self::reports::{Reported, Reports};
 pub use self::tether::{
     TETHER_HEIGHT_MAX_M, TETHER_RADIUS_MAX_M, TETHER_THROTTLE_MAX, TETHER_TILT_MAX_RAD,
 };
+use super::outputs::Outputs;
 use super::{Checkpoint, Event, FlightCommand, Input, Telemetry, Transmit};
-use crate::machine::{Machine, Outbox, Output};
+use crate::machine::{Machine, Output};
 use crate::time::Timestamp;
 
 /// From one control step to the next: 50 Hz, as often as RC frames leave.
@@ -51,7 +52,6 @@ const PERIOD: Duration = Duration::from_millis(20);
 pub struct ControllerLink {
     place: PlaceSensor,
     gave_up: bool,
-    kept: Option<Flight>,
     /// It is to land as soon as it is known whether and where it flies.
     must_land: bool,
     gate: Gate,
@@ -60,9 +60,8 @@ pub struct ControllerLink {
     authority: Authority,
     arming: Arming,
     loops: ControlLoops,
-    last: Option<Telemetry>,
     deadline: Option<Timestamp>,
-    outbox: Outbox<Transmit, Event>,
+    outputs: Outputs,
 }
 
 impl ControllerLink {
@@ -75,7 +74,6 @@ impl ControllerLink {
         let mut link = Self {
             place: config.place,
             gave_up: checkpoint.is_some_and(|it| it.gave_up),
-            kept: None,
             must_land: before.is_some_and(|it| it.is_landing),
             gate: Gate::new(&config),
             reports: Reports::new(has_flown),
@@ -83,12 +81,11 @@ impl ControllerLink {
             authority: Authority::new(config.receiver, has_flown, taken, now),
             arming: Arming::new(config.receiver, has_flown, now),
             loops: ControlLoops::new(&config, before, now),
-            last: None,
             deadline: None,
-            outbox: Outbox::new(),
+            outputs: Outputs::new(),
         };
         if checkpoint.is_some() {
-            link.outbox.transmit(Transmit::Resync);
+            link.outputs.transmit(Transmit::Resync);
         }
         link.keep();
         link
@@ -196,12 +193,12 @@ impl ControllerLink {
         self.gate.close();
         self.reports.close();
         self.deadline = None;
-        self.outbox.transmit(Transmit::Rc(None));
+        self.outputs.transmit(Transmit::Rc(None));
     }
 
     /// The link was lost in flight, or the height: the controller's failsafe is to fly.
     fn lose(&mut self, now: Timestamp) {
-        self.outbox.transmit(Transmit::Rc(None));
+        self.outputs.transmit(Transmit::Rc(None));
         self.keep();
         self.report_news(now);
     }
@@ -252,7 +249,7 @@ impl ControllerLink {
             true => self.gate.rc(sticks, self.arming.is_high(), Some(reported)),
             false => None,
         };
-        self.outbox.transmit(Transmit::Rc(rc));
+        self.outputs.transmit(Transmit::Rc(rc));
         self.keep();
         self.report_news(now);
     }
@@ -318,21 +315,18 @@ impl ControllerLink {
 
     fn report(&mut self, now: Timestamp) {
         if self.can_report() {
-            let telemetry = self.telemetry(now);
-            self.last = Some(telemetry);
-            self.outbox.transmit(Transmit::Telemetry(telemetry));
+            self.outputs.report(self.telemetry(now));
         }
     }
 
     /// Reports what the navigation must know at once.
     fn report_news(&mut self, now: Timestamp) {
-        if self.telemetry(now).is_news(self.last) {
-            self.report(now);
+        if self.can_report() {
+            self.outputs.report_if_news(self.telemetry(now));
         }
     }
 
-    /// Keeps a checkpoint, if it has changed.
-    fn keep(&mut self) {
+    fn checkpoint(&self) -> Checkpoint {
         let loops = &self.loops;
         let flight = Flight {
             has_flown: self.arming.has_flown(),
@@ -346,13 +340,15 @@ impl ControllerLink {
             taken: self.authority.taken(),
             impaired: loops.impaired(),
         };
-        if !self.kept.is_some_and(|kept| kept.is_same(&flight)) {
-            self.kept = Some(flight);
-            self.outbox.event(Event::Checkpoint(Checkpoint {
-                gave_up: self.gave_up,
-                flight: Some(flight),
-            }));
+        Checkpoint {
+            gave_up: self.gave_up,
+            flight: Some(flight),
         }
+    }
+
+    /// Keeps a checkpoint, if it has changed.
+    fn keep(&mut self) {
+        self.outputs.keep_if_changed(self.checkpoint());
     }
 }
 
@@ -370,8 +366,7 @@ impl Machine for ControllerLink {
             Input::GiveUp => {
                 self.gave_up = true;
                 self.must_land = true;
-                self.kept = None;
-                self.keep();
+                self.outputs.keep(self.checkpoint());
             }
         }
     }
@@ -388,7 +383,7 @@ impl Machine for ControllerLink {
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
         let deadlines = [self.deadline, self.authority.deadline()];
-        self.outbox.poll(deadlines.into_iter().flatten().min())
+        self.outputs.poll(deadlines.into_iter().flatten().min())
     }
 }
 
