@@ -1,22 +1,28 @@
 //! What a setpoint asks of the autopilot.
 
+use std::time::Duration;
+
 use super::vocabulary::Order;
 use crate::geometry::{Ned, Velocity};
 use crate::msp::Setpoint;
 use crate::time::Timestamp;
 
+/// From one target to the next: PX4 stops if it gets fewer than two a second (docs.px4.io, *Offboard Mode*).
+const TARGET_PERIOD: Duration = Duration::from_millis(200);
 /// Largest distance from its target of a vehicle at rest, in metres.
 const REST_M: f64 = 0.6;
 /// Largest speed of a vehicle at rest, in m/s.
 const REST_MPS: f64 = 0.4;
 
-/// A setpoint that is flown.
+/// A setpoint that is flown. Its target is due at once, and every [`TARGET_PERIOD`] from then on.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Course {
     pub(super) setpoint: Setpoint,
     since: Timestamp,
     /// Where the vehicle would have come to rest when it got the setpoint. `None` if it did not know where it was.
     from: Option<Ned>,
+    /// When the next target is due.
+    aims_at: Timestamp,
 }
 
 impl Course {
@@ -25,7 +31,22 @@ impl Course {
             setpoint,
             since: now,
             from,
+            aims_at: now,
         }
+    }
+
+    /// When to call [`Self::take_due_target`].
+    pub(super) const fn aims_at(&self) -> Timestamp {
+        self.aims_at
+    }
+
+    /// As [`Self::target`], if one is due.
+    pub(super) fn take_due_target(&mut self, now: Timestamp) -> Option<(Ned, Velocity)> {
+        if self.aims_at > now {
+            return None;
+        }
+        self.aims_at = now + TARGET_PERIOD;
+        self.target(now)
     }
 
     /// The position is known.

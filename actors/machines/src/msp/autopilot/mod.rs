@@ -1,30 +1,31 @@
 //! Link to an autopilot that flies legs itself: it is armed, told where to fly, and told to land.
 
+mod arming;
 mod contact;
 mod course;
+mod gate;
 mod place;
 mod vocabulary;
 
 use std::time::Duration;
 
+use self::arming::Arming;
 use self::contact::Contact;
 pub use self::contact::LOST_AFTER;
 use self::course::Course;
+use self::gate::Gate;
 use self::place::Place;
 pub use self::vocabulary::{Landed, Mode, Order, Told};
 use super::controller::{Flight, Stage};
+use super::outputs::Outputs;
 use super::{Checkpoint, Event, FlightCommand, Input, PortEvent, Telemetry, Transmit};
 use crate::geodetic::Geodetic;
 use crate::geometry::{Ned, Velocity};
-use crate::machine::{Machine, Outbox, Output};
+use crate::machine::{Machine, Output};
 use crate::time::{Timestamp, first_of};
 
-/// From one target to the next: PX4 stops if it gets fewer than two a second (docs.px4.io, *Offboard Mode*).
-const TARGET_PERIOD: Duration = Duration::from_millis(200);
 /// From one heartbeat of the link to the next, and until an order that was not carried out is repeated.
 const PERIOD: Duration = Duration::from_secs(1);
-/// Time for which an autopilot that said that it is a simulation counts as one that may arm: three times what is asked for.
-const SIMULATED_FOR: Duration = Duration::from_secs(3);
 /// Braking before the first setpoint, in m/s².
 const BRAKING_MPS2: f64 = 1.0;
 
@@ -39,31 +40,21 @@ pub struct Config {
 
 /// A link to an autopilot that flies legs itself.
 ///
-/// Invariant: all orders pass one gate. It only asks for telemetry in any stage but `sim`, and of an autopilot that has not
-/// said that it is a simulation.
+/// Invariant: all orders pass its gate.
 #[derive(Debug)]
 pub struct AutopilotLink {
-    config: Config,
     gave_up: bool,
     must_land: bool,
-    /// It is to arm as soon as it can.
-    must_arm: bool,
-    /// It was ordered to arm, by this link or before a restart.
-    has_flown: bool,
+    arming: Arming,
+    gate: Gate,
     contact: Contact,
     place: Place,
     landed: Option<Landed>,
     charge: Option<f64>,
-    /// When the autopilot last said that it is a simulation.
-    simulated_at: Option<Timestamp>,
     course: Option<Course>,
-    kept: Option<Checkpoint>,
-    last: Option<Telemetry>,
     /// When the next heartbeat leaves. `None` before the first one is heard.
     acts_at: Option<Timestamp>,
-    /// When the next target leaves. `None` without a course.
-    aims_at: Option<Timestamp>,
-    outbox: Outbox<Transmit, Event>,
+    outputs: Outputs,
 }
 
 impl AutopilotLink {
@@ -75,25 +66,20 @@ impl AutopilotLink {
         let taken = before.map(|it| it.taken).unwrap_or_default();
         let setpoint = before.and_then(|it| it.setpoint);
         let mut link = Self {
-            config,
             gave_up: checkpoint.is_some_and(|it| it.gave_up),
             must_land: before.is_some_and(|it| it.is_landing),
-            must_arm: false,
-            has_flown,
+            arming: Arming::new(has_flown),
+            gate: Gate::new(config.stage),
             contact: Contact::new(has_flown, taken, now),
             place: Place::new(config.home, now),
             landed: None,
             charge: None,
-            simulated_at: None,
             course: setpoint.map(|it| Course::new(now, it, None)),
-            kept: None,
-            last: None,
             acts_at: None,
-            aims_at: setpoint.map(|_| now),
-            outbox: Outbox::new(),
+            outputs: Outputs::new(),
         };
         if checkpoint.is_some() {
-            link.outbox.transmit(Transmit::Resync);
+            link.outputs.transmit(Transmit::Resync);
         }
         link.keep();
         link
@@ -103,12 +89,12 @@ impl AutopilotLink {
         match command {
             FlightCommand::Report | FlightCommand::Yield => return self.report(now),
             _ if self.gave_up => return,
-            FlightCommand::Arm => self.must_arm |= !self.must_land && !self.has_flown,
+            FlightCommand::Arm if !self.must_land => self.arming.order(),
+            FlightCommand::Arm => {}
             FlightCommand::Fly(setpoint) if self.contact.is_armed() && !self.must_land => {
                 let course = Course::new(now, setpoint, self.stop());
                 self.order(course.speed());
                 self.course = Some(course);
-                self.aims_at = Some(now);
             }
             FlightCommand::Fly(_) => return,
             FlightCommand::Land => self.must_land = true,
@@ -122,9 +108,11 @@ impl AutopilotLink {
     fn handle_told(&mut self, now: Timestamp, told: Told) {
         match told {
             Told::Heartbeat { armed, mode } => {
-                let has_flown = self.has_flown;
+                let has_flown = self.arming.has_flown();
                 let is_news = self.contact.hear(now, armed, mode, has_flown);
-                self.must_arm &= !armed;
+                if armed {
+                    self.arming.end();
+                }
                 if self.acts_at.is_none() {
                     self.handle_second(now);
                 } else if is_news {
@@ -142,8 +130,7 @@ impl AutopilotLink {
             }
             Told::Charge(charge) => self.charge = Some(charge),
             Told::Simulated => {
-                let was_simulated = self.simulated_at.replace(now).is_some();
-                if !was_simulated && self.acts_at.is_some() {
+                if self.gate.hear_simulated(now) && self.acts_at.is_some() {
                     self.handle_second(now);
                     self.keep();
                 }
@@ -159,7 +146,7 @@ impl AutopilotLink {
         if !self.contact.taken().by_failsafe {
             self.order(Order::Heartbeat);
         }
-        let is_unknown = self.landed.is_none() || self.simulated_at.is_none();
+        let is_unknown = self.landed.is_none() || !self.gate.is_simulation();
         if self.place.lost_for(now).is_some() || is_unknown {
             self.order(Order::Tell);
         }
@@ -180,19 +167,18 @@ impl AutopilotLink {
     /// Orders what is to be done next, unless it is being done.
     fn act(&mut self, now: Timestamp) {
         if self.must_land {
-            self.must_arm = false;
+            self.arming.end();
             let is_others = self.contact.taken().is_pilots();
             if self.contact.is_armed() && !is_others && !self.contact.is_in(Mode::Landing) {
                 self.order(Order::Land);
             }
-        } else if self.must_arm {
+        } else if self.arming.is_due() {
             let is_ready = self.contact.is_known() && self.place.lost_for(now).is_none();
-            let is_simulated = (self.simulated_at).is_some_and(|at| now.since(at) <= SIMULATED_FOR);
-            if !is_ready || !is_simulated || self.config.stage != Stage::Sim {
+            if !is_ready || !self.gate.may_arm(now) {
                 return;
             }
             if self.contact.is_in(Mode::Guided) {
-                self.has_flown = true;
+                self.arming.send();
                 self.order(Order::Arm);
             } else {
                 self.order(Order::Guide);
@@ -208,11 +194,7 @@ impl AutopilotLink {
 
     /// Gives the autopilot its target, once it is in the air.
     fn aim(&mut self, now: Timestamp) {
-        if self.aims_at.is_none_or(|at| at > now) {
-            return;
-        }
-        self.aims_at = Some(now + TARGET_PERIOD);
-        let target = self.course.and_then(|it| it.target(now));
+        let target = (self.course.as_mut()).and_then(|it| it.take_due_target(now));
         if self.flies()
             && self.landed == Some(Landed::Air)
             && let Some((to, velocity)) = target
@@ -222,11 +204,10 @@ impl AutopilotLink {
         }
     }
 
-    /// The last point before orders leave.
+    /// Sends an order, if it may leave.
     fn order(&mut self, order: Order) {
-        let may_command = self.config.stage == Stage::Sim && self.simulated_at.is_some();
-        if may_command || order == Order::Tell {
-            self.outbox.transmit(Transmit::Order(order));
+        if self.gate.may_leave(order) {
+            self.outputs.transmit(Transmit::Order(order));
         }
     }
 
@@ -269,24 +250,23 @@ impl AutopilotLink {
 
     fn report(&mut self, now: Timestamp) {
         if self.can_report() {
-            let telemetry = self.telemetry(now);
-            self.last = Some(telemetry);
-            self.outbox.transmit(Transmit::Telemetry(telemetry));
+            self.outputs.report(self.telemetry(now));
         }
     }
 
     /// Reports what the navigation must know at once.
     fn report_news(&mut self, now: Timestamp) {
-        if self.telemetry(now).is_news(self.last) {
-            self.report(now);
+        if self.can_report() {
+            self.outputs.report_if_news(self.telemetry(now));
         }
     }
 
+    /// Keeps a checkpoint, if it has changed.
     fn keep(&mut self) {
-        let checkpoint = Checkpoint {
+        self.outputs.keep_if_changed(Checkpoint {
             gave_up: self.gave_up,
             flight: Some(Flight {
-                has_flown: self.has_flown,
+                has_flown: self.arming.has_flown(),
                 setpoint: self.course.map(|it| it.setpoint),
                 is_landing: self.must_land,
                 taken: self.contact.taken(),
@@ -298,11 +278,7 @@ impl AutopilotLink {
                 hover_throttle: 0.0,
                 ground_m: None,
             }),
-        };
-        if self.kept != Some(checkpoint) {
-            self.kept = Some(checkpoint);
-            self.outbox.event(Event::Checkpoint(checkpoint));
-        }
+        });
     }
 }
 
@@ -341,8 +317,9 @@ impl Machine for AutopilotLink {
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {
-        let deadline = first_of([self.acts_at, self.aims_at, self.contact.deadline()]);
-        self.outbox.poll(deadline)
+        let aims_at = self.course.map(|it| it.aims_at());
+        let deadline = first_of([self.acts_at, aims_at, self.contact.deadline()]);
+        self.outputs.poll(deadline)
     }
 }
 
