@@ -10,6 +10,7 @@ mod axis;
 mod doubt;
 mod flow;
 mod height;
+mod horizontal;
 mod innovations;
 mod past;
 #[cfg(test)]
@@ -21,12 +22,12 @@ use muster_msp::{Altitude, Attitude, FlowReading, RawGps};
 
 use self::attitude::Attitudes;
 pub(super) use self::attitude::Tilt;
-use self::axis::{Axis, correct};
+use self::axis::Axis;
 use self::doubt::Doubt;
 use self::flow::Flow;
 use self::height::Height;
+use self::horizontal::Horizontal;
 pub use self::innovations::{Agreement, Innovations};
-use self::past::Past;
 use super::Pose;
 use super::config::{Config, Noise};
 use crate::geodetic::{Geodetic, local_ned};
@@ -45,11 +46,6 @@ const SIGMA_MIN_M: f64 = 0.001;
 const AGE_MAX: Duration = Duration::from_millis(500);
 /// Noise of the acceleration of a vehicle whose motors are off, in m/s² per √Hz. One that is carried begins anew.
 const STANDING_MPS2: f64 = 0.02;
-/// Largest error of a position that optical flow alone still tells, in metres: a standard deviation, and what the scale is wrong
-/// by. Ours.
-const DRIFT_MAX_M: f64 = 1.0;
-/// What the scale of optical flow may be wrong by, as a share of the way: the range's error and the lens's together. Ours.
-const SCALE_ERROR: f64 = 0.1;
 /// Longest prediction in one step, in seconds: beyond it the attitude is stale.
 const STEP_MAX_S: f64 = 0.5;
 
@@ -65,44 +61,16 @@ pub(super) struct Estimate {
 pub(super) struct Estimator {
     home: Geodetic,
     noise: Noise,
-    drag_per_s: f64,
     at: Timestamp,
     /// Whether it stands still.
     stands: bool,
     attitudes: Attitudes,
     height: Height,
-    /// North and east.
-    horizontal: Option<[Axis; 2]>,
-    past: Past,
-    doubted: Doubted,
+    horizontal: Horizontal,
+    /// Poses that agree with each other, but not with the estimate.
+    doubted: Option<Doubt<3>>,
     flow: Option<Flow>,
-    known: Known,
     innovations: Innovations,
-}
-
-/// What agrees with itself, but not with the estimate.
-#[derive(Debug, Default)]
-struct Doubted {
-    pose: Option<Doubt<3>>,
-    fix: Option<Doubt<2>>,
-}
-
-/// Until when the horizontal position was known.
-#[derive(Debug, Clone, Copy)]
-struct Known {
-    at: Timestamp,
-    /// The way since the newest accepted position, in metres.
-    flown_m: f64,
-}
-
-impl Known {
-    /// A position was accepted.
-    const fn by_position(now: Timestamp) -> Self {
-        Self {
-            at: now,
-            flown_m: 0.0,
-        }
-    }
 }
 
 impl Estimator {
@@ -111,16 +79,13 @@ impl Estimator {
         Self {
             home: config.home,
             noise: config.noise,
-            drag_per_s: config.gains.drag_per_s,
             at: now,
             stands: false,
             attitudes: Attitudes::default(),
             height: Height::new(now, ground_m),
-            horizontal: None,
-            past: Past::default(),
-            doubted: Doubted::default(),
+            horizontal: Horizontal::new(now, config.gains.drag_per_s),
+            doubted: None,
             flow: config.flow.map(Flow::new),
-            known: Known::by_position(now),
             innovations: Innovations::default(),
         }
     }
@@ -172,7 +137,7 @@ impl Estimator {
     /// The motion now. `None` before the first height. Before the first position it is home's.
     pub(super) fn estimate(&self) -> Option<Estimate> {
         let up = self.height.axis?;
-        let [north, east] = self.horizontal.unwrap_or([Axis::at(0.0, 1.0); 2]);
+        let [north, east] = (self.horizontal.axes()).unwrap_or([Axis::at(0.0, 1.0); 2]);
         let ground_m = self.height.ground_m().unwrap_or(up.position_m);
         Some(Estimate {
             position: Ned::new(north.position_m, east.position_m, ground_m - up.position_m),
@@ -182,8 +147,7 @@ impl Estimator {
 
     /// How long the horizontal position has been unknown; `None` if it is known.
     pub(super) fn lost_for(&self, now: Timestamp) -> Option<Duration> {
-        let since = now.since(self.known.at);
-        (self.horizontal.is_none() || since > LOST_AFTER).then_some(since)
+        self.horizontal.lost_for(now)
     }
 
     /// Age of the newest height.
@@ -216,17 +180,9 @@ impl Estimator {
                 self.noise.vertical_acceleration_mps2,
             ),
         };
-        for (axis, by) in self.horizontal.iter_mut().flatten().zip(acceleration) {
-            let by = by - self.drag_per_s * axis.velocity_mps;
-            axis.predict(seconds, by, noise_mps2);
-        }
         (self.height).predict(now, seconds, self.stands, vertical_noise_mps2);
-        if let Some([north, east]) = self.horizontal {
-            self.known.flown_m += libm::hypot(north.velocity_mps, east.velocity_mps) * seconds;
-            let up_m = self.height.axis.map_or(0.0, |it| it.position_m);
-            self.past
-                .note(now, [north.position_m, east.position_m, up_m]);
-        }
+        let up_m = self.height.axis.map_or(0.0, |it| it.position_m);
+        (self.horizontal).predict(now, seconds, acceleration, noise_mps2, up_m);
     }
 
     /// Takes in an attitude. One that no vehicle can have, or can't have turned to, is rejected.
@@ -248,33 +204,19 @@ impl Estimator {
         }
     }
 
-    /// Takes in the motion that optical flow saw. A position that is known stays known by it, until it may have drifted too far.
+    /// Takes in the motion that optical flow saw, once there was a position.
     fn measure_motion(&mut self, now: Timestamp) {
-        let (tilt, is_known) = (self.tilt(), self.lost_for(now).is_none());
-        let accelerations_mps2 = self.acceleration_mps2(now);
+        let (tilt, acceleration_mps2) = (self.tilt(), self.acceleration_mps2(now));
         let climb_mps = self.height.axis.map_or(0.0, |it| it.velocity_mps);
-        let (Some(flow), Some(axes)) = (&mut self.flow, &mut self.horizontal) else {
+        let (Some(flow), Some(_)) = (&mut self.flow, self.horizontal.axes()) else {
             return;
         };
         let Some(seen) = flow.moved(now, tilt, climb_mps).filter(|_| !self.stands) else {
             return;
         };
-        let mut taken = [None; 2];
-        for (index, axis) in axes.iter_mut().enumerate() {
-            let by_mps2 = accelerations_mps2[index] - self.drag_per_s * axis.velocity_mps;
-            let measured_mps = seen.velocity_mps[index] + by_mps2 * seen.seconds / 2.0;
-            let innovation_mps = measured_mps - axis.velocity_mps;
-            let corrected = axis.measure_velocity(measured_mps, seen.sigma_mps);
-            taken[index] = corrected.map(|it| (it.by_m, innovation_mps));
-        }
-        let [Some((north_m, north_mps)), Some((east_m, east_mps))] = taken else {
-            return;
-        };
-        flow.learn_push(now, [north_mps, east_mps], seen.seconds);
-        self.past.shift(&[north_m, east_m]);
-        let sigma_m = axes.map(|it| it.sigma_m()).into_iter().fold(0.0, f64::max);
-        if is_known && sigma_m + SCALE_ERROR * self.known.flown_m <= DRIFT_MAX_M {
-            self.known.at = now;
+        let innovations = (self.horizontal).measure_motion(now, &seen, acceleration_mps2);
+        if let Some(innovations_mps) = innovations {
+            flow.learn_push(now, innovations_mps, seen.seconds);
         }
     }
 
@@ -311,16 +253,21 @@ impl Estimator {
             speed_mps * libm::cos(course_rad),
             speed_mps * libm::sin(course_rad),
         ];
-        if self.measure_place(now, [place.north_m(), place.east_m()]) {
-            let sigma_mps = self.noise.velocity_mps;
-            let mut corrected = [None; 2];
-            let measured = self.horizontal.iter_mut().flatten().zip(velocity);
-            for ((axis, velocity), corrected) in measured.zip(&mut corrected) {
-                *corrected = axis.measure_velocity(velocity, sigma_mps);
-            }
-            if let Some(counted) = self.counted() {
-                counted.velocity.count(corrected.into_iter().flatten());
-            }
+        let Noise {
+            position_m,
+            velocity_mps,
+            gps_delay,
+            ..
+        } = self.noise;
+        let place = [place.north_m(), place.east_m()];
+        let error = (position_m, gps_delay);
+        let Some(by_place) = self.horizontal.measure_fix(now, place, error) else {
+            return;
+        };
+        let by_velocity = (self.horizontal).measure_velocity(velocity, velocity_mps);
+        if let Some(counted) = self.counted() {
+            counted.position.count(by_place);
+            counted.velocity.count(by_velocity.into_iter().flatten());
         }
     }
 
@@ -337,69 +284,22 @@ impl Estimator {
         }
         let up_m = position.altitude_m() + self.height.set_ground_where_armed();
         let place = [position.north_m(), position.east_m(), up_m];
-        let past = self.past.before(now, age);
+        let error = (sigma_m, age);
         let is_known = self.height.is_posed(now) && self.lost_for(now).is_none();
-        if let (Some([north, east]), Some(up), Some(past), true) =
-            (&mut self.horizontal, &mut self.height.axis, past, is_known)
+        if is_known
+            && let Some(up) = &mut self.height.axis
+            && let Some([north, east, up]) = self.horizontal.measure_pose(now, up, place, error)
         {
-            let innovations: [f64; 3] = std::array::from_fn(|axis| place[axis] - past[axis]);
-            if let Some(corrected) = correct([north, east, up], innovations, sigma_m) {
-                let [north, east, up] = corrected;
-                if let Some(counted) = self.counted() {
-                    counted.position.count([north, east]);
-                    counted.height.count([up]);
-                }
-                self.past.shift(&corrected.map(|it| it.by_m));
-                self.known = Known::by_position(now);
-                self.height.pose(now);
-                self.doubted.pose = None;
-                return;
-            }
-        }
-        if let Some(axes) = doubt::begin(&mut self.doubted.pose, now, place, (sigma_m, age)) {
-            self.begin(now, axes);
-        }
-    }
-
-    /// Begins anew where poses say: north, east and up.
-    fn begin(&mut self, now: Timestamp, [north, east, up]: [Axis; 3]) {
-        self.horizontal = Some([north, east]);
-        self.height.begin(now, up);
-        self.past = Past::default();
-        self.known = Known::by_position(now);
-    }
-
-    /// Takes in a fix's place, north and east. Returns whether it was near enough.
-    fn measure_place(&mut self, now: Timestamp, [to_north, to_east]: [f64; 2]) -> bool {
-        let Noise {
-            position_m,
-            gps_delay,
-            ..
-        } = self.noise;
-        let past = self.past.before(now, gps_delay);
-        let place = [to_north, to_east];
-        let (Some([north, east]), Some(past)) = (&mut self.horizontal, past) else {
-            self.horizontal = Some(place.map(|it| Axis::at(it, position_m * position_m)));
-            self.known = Known::by_position(now);
-            return false;
-        };
-        let innovations = [to_north - past[0], to_east - past[1]];
-        if let Some(corrected) = correct([north, east], innovations, position_m) {
             if let Some(counted) = self.counted() {
-                counted.position.count(corrected);
+                counted.position.count([north, east]);
+                counted.height.count([up]);
             }
-            self.past.shift(&corrected.map(|it| it.by_m));
-            self.doubted.fix = None;
-            self.known = Known::by_position(now);
-            return true;
+            self.height.pose(now);
+            self.doubted = None;
+        } else if let Some([north, east, up]) = doubt::begin(&mut self.doubted, now, place, error) {
+            self.horizontal.begin(now, [north, east]);
+            self.height.begin(now, up);
         }
-        let error = (position_m, gps_delay);
-        if let Some(axes) = doubt::begin(&mut self.doubted.fix, now, place, error) {
-            self.horizontal = Some(axes);
-            self.past = Past::default();
-            self.known = Known::by_position(now);
-        }
-        false
     }
 }
 

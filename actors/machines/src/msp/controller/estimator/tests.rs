@@ -23,8 +23,11 @@ fn fix(north_m: f64, speed_mps: f64) -> RawGps {
 }
 
 fn estimator() -> Estimator {
-    let config = super::super::tests::config();
-    let mut estimator = Estimator::new(&config, at(0.0), None);
+    estimator_of(&super::super::tests::config())
+}
+
+fn estimator_of(config: &Config) -> Estimator {
+    let mut estimator = Estimator::new(config, at(0.0), None);
     estimator.measure_altitude(at(0.0), &Altitude::default());
     estimator.set_ground();
     estimator
@@ -53,9 +56,10 @@ fn moving_vehicle_is_where_the_delayed_fixes_say_it_was_and_has_moved_since() {
 
 #[test]
 fn an_accelerating_vehicle_is_where_late_poses_say_it_was_and_has_moved_since() {
-    let mut estimator = estimator();
     // Without drag 5° of tilt accelerate by 0.858 m/s².
-    estimator.drag_per_s = 0.0;
+    let mut config = super::super::tests::config();
+    config.gains.drag_per_s = 0.0;
+    let mut estimator = estimator_of(&config);
     let leaning = Attitude {
         pitch_ddeg: 50,
         ..Attitude::default()
