@@ -24,6 +24,7 @@ mod packet;
 mod radio;
 mod reader;
 mod routing;
+mod subtree;
 mod tree;
 mod writer;
 
@@ -47,6 +48,7 @@ pub use self::routing::{
     decode_message, decode_packet, decode_tree, encode_message, encode_packet, encode_tree,
     is_message, split_tree,
 };
+pub use self::subtree::EncodedSubtree;
 pub use self::tree::{EncodedSet, TreeFrame, TreeHeader};
 
 /// Largest datagram in bytes: an Ethernet frame of 1,500 bytes without the headers of IPv4 and UDP (the ancestor's

@@ -1,11 +1,10 @@
 //! Bytes of packets of policy `tree`. They are read in place, because receivers need only a small part of most.
 
-use std::borrow::Cow;
 use std::ops::Range;
 
 use super::reader::{Reader, take_varint};
 use super::writer::Writer;
-use super::{Reception, Tree};
+use super::{EncodedSubtree, Reception, Tree, subtree};
 use crate::identity::{NodeId, NodeSet};
 
 /// First part of a packet of policy `tree`.
@@ -60,12 +59,9 @@ pub struct TreeFrame<'a> {
     pub pending: EncodedSet<'a>,
     /// See [`Tree::order`].
     pub order: Option<&'a [u8]>,
-    /// See [`Tree::alive`].
-    pub alive: EncodedSet<'a>,
-    acknowledged: EncodedSet<'a>,
-    landing: EncodedSet<'a>,
+    /// The sender's subtree.
+    pub subtree: EncodedSubtree<'a>,
     weak: EncodedReceptions<'a>,
-    differences: u8,
 }
 
 /// Encoded receptions: for each the distance from the id before, and the share.
@@ -115,7 +111,7 @@ impl<'a> EncodedReceptions<'a> {
 pub struct EncodedSet<'a>(&'a [u8]);
 
 impl<'a> EncodedSet<'a> {
-    fn read(bytes: &'a [u8]) -> Option<Self> {
+    pub(super) fn read(bytes: &'a [u8]) -> Option<Self> {
         let mut rest = bytes;
         let (mut bound, mut is_in, mut is_first) = (0_u32, false, true);
         while !rest.is_empty() {
@@ -161,20 +157,6 @@ impl<'a> EncodedSet<'a> {
     }
 }
 
-const ACKNOWLEDGED_DIFFERS: u8 = 1;
-const LANDING_DIFFERS: u8 = 2;
-
-/// A set as it is encoded beside `alive`: as the difference from `alive`, with `flag`, if that has fewer runs.
-fn relative_to_alive<'a>(alive: &NodeSet, set: &'a NodeSet, flag: u8) -> (Cow<'a, NodeSet>, u8) {
-    if !set.is_empty() && !alive.is_empty() {
-        let differs = alive.symmetric_difference(set);
-        if differs.runs().len() < set.runs().len() {
-            return (Cow::Owned(differs), flag);
-        }
-    }
-    (Cow::Borrowed(set), 0)
-}
-
 /// Writes a packet behind its kind.
 pub(super) fn write(tree: &Tree, writer: &mut Writer) {
     writer.u32(tree.number);
@@ -188,13 +170,7 @@ pub(super) fn write(tree: &Tree, writer: &mut Writer) {
         writer.u32(span.start);
         writer.u32(span.end);
     });
-    let (acknowledged, first) =
-        relative_to_alive(&tree.alive, &tree.acknowledged, ACKNOWLEDGED_DIFFERS);
-    let (landing, second) = relative_to_alive(&tree.alive, &tree.landing, LANDING_DIFFERS);
-    writer.u8(first | second);
-    writer.encoded_set(&tree.alive);
-    writer.encoded_set(&acknowledged);
-    writer.encoded_set(&landing);
+    subtree::write(tree, writer);
     writer.option(tree.hears.as_ref(), |writer, hears| {
         writer.encoded_set(hears);
         writer.receptions(&tree.weak);
@@ -221,10 +197,7 @@ impl<'a> TreeFrame<'a> {
         if reader.option_tag()? {
             frame.span = Some(reader.u32()?..reader.u32()?);
         }
-        frame.differences = reader.u8()?;
-        frame.alive = EncodedSet::read(reader.bytes()?)?;
-        frame.acknowledged = EncodedSet::read(reader.bytes()?)?;
-        frame.landing = EncodedSet::read(reader.bytes()?)?;
+        frame.subtree = EncodedSubtree::read(&mut reader)?;
         if reader.option_tag()? {
             frame.hears = Some(EncodedSet::read(reader.bytes()?)?);
             frame.weak = EncodedReceptions::read(reader.bytes()?)?;
@@ -243,34 +216,6 @@ impl<'a> TreeFrame<'a> {
 }
 
 impl TreeFrame<'_> {
-    /// See [`Tree::acknowledged`].
-    #[must_use]
-    pub fn acknowledged(&self) -> NodeSet {
-        self.relative_to_alive(self.acknowledged, ACKNOWLEDGED_DIFFERS)
-    }
-
-    /// See [`Tree::landing`].
-    #[must_use]
-    pub fn landing(&self) -> NodeSet {
-        self.relative_to_alive(self.landing, LANDING_DIFFERS)
-    }
-
-    fn relative_to_alive(&self, runs: EncodedSet<'_>, flag: u8) -> NodeSet {
-        let set = runs.to_set();
-        if self.differences & flag == 0 {
-            set
-        } else {
-            self.alive.to_set().symmetric_difference(&set)
-        }
-    }
-
-    /// Whether a drone is in [`Tree::landing`].
-    #[must_use]
-    pub fn is_landing(&self, id: NodeId) -> bool {
-        let differs = self.differences & LANDING_DIFFERS != 0;
-        self.landing.contains(id) != (differs && self.alive.contains(id))
-    }
-
     /// The same packet with only what describes the link to its sender: packet numbers and whom it hears.
     #[must_use]
     pub fn link_part(&self) -> Self {
@@ -327,9 +272,9 @@ impl TreeFrame<'_> {
             lag: self.header.lag,
             sequence: self.sequence,
             span: self.span.clone(),
-            acknowledged: self.acknowledged(),
-            alive: self.alive.to_set(),
-            landing: self.landing(),
+            acknowledged: self.subtree.acknowledged(),
+            alive: self.subtree.alive(),
+            landing: self.subtree.landing(),
             hears: self.hears.map(EncodedSet::to_set),
             weak: self.weak.iter().collect(),
             requests: self.requests.to_set(),

@@ -400,7 +400,7 @@ impl Neighbour {
                     }
                 }
                 if is_relative {
-                    progress |= keep(&mut sets.acknowledged, frame.acknowledged());
+                    progress |= keep(&mut sets.acknowledged, frame.subtree.acknowledged());
                 }
                 if sender.is_parent {
                     keep(&mut sets.pending, frame.pending.to_set());
@@ -408,8 +408,8 @@ impl Neighbour {
                     sets.pending = NodeSet::new();
                 }
                 if is_child {
-                    any |= keep(&mut sets.alive, frame.alive.to_set());
-                    any |= keep(&mut sets.landing, frame.landing());
+                    any |= keep(&mut sets.alive, frame.subtree.alive());
+                    any |= keep(&mut sets.landing, frame.subtree.landing());
                 } else {
                     (sets.alive, sets.landing) = (NodeSet::new(), NodeSet::new());
                 }
@@ -450,7 +450,7 @@ impl Report {
             requests_own: frame.requests.contains(own),
             request_count: frame.requests.member_count(),
             hears_own: reports_hearing(own, frame),
-            master_lands: (sender.master).is_some_and(|master| frame.is_landing(master)),
+            master_lands: (sender.master).is_some_and(|master| frame.subtree.is_landing(master)),
             by_parent: sender.is_parent,
         }
     }

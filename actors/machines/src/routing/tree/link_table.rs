@@ -225,7 +225,7 @@ impl LinkTable {
                     sets.delivered = (frame.sequence, NodeSet::new());
                 }
                 if frame.sequence == sets.delivered.0 {
-                    sets.delivered.1.extend_from(&frame.acknowledged());
+                    sets.delivered.1.extend_from(&frame.subtree.acknowledged());
                 }
             });
             link.record_delivery();
