@@ -1,10 +1,15 @@
 //! One neighbour: link quality, its last report, and what it is known to have received.
 
+mod deliveries;
+mod hearing;
+
 use std::hint::black_box;
 use std::time::Duration;
 
 use bytes::Bytes;
 
+use self::deliveries::Deliveries;
+pub(super) use self::hearing::Hearing;
 use super::quality::Quality;
 use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
@@ -13,15 +18,6 @@ use crate::wire::{TreeFrame, TreeHeader};
 /// Most announcements of a new leader epoch to a neighbour, in frames that are sent anyway.
 const EPOCH_ANNOUNCEMENTS_MAX: u32 = 8;
 
-/// Odds at which a neighbour in range misses as many consecutive frames as make it unreachable.
-const UNREACHABLE_ODDS: f64 = 1e-3;
-/// Bounds of that number of frames.
-const FAILED_DELIVERIES: std::ops::RangeInclusive<u32> = 2..=12;
-
-/// Longest time until the medium reports a delivery: eight tries over 802.11a with the longest back-off take about 30
-/// ms.
-const DELIVERY_REPORT_MAX: Duration = Duration::from_millis(60);
-
 /// A neighbour.
 #[derive(Debug, Clone)]
 pub(super) struct Neighbour {
@@ -29,15 +25,9 @@ pub(super) struct Neighbour {
     /// When it was first heard, and last.
     pub(super) known_since: Timestamp,
     pub(super) heard_at: Timestamp,
-    /// Whether the neighbour hears this drone, too. Only symmetric links are used.
-    pub(super) symmetric: bool,
-    /// Since when its reports omit this drone from the neighbours that it hears; `None` if they do not.
-    omitted_since: Option<Timestamp>,
+    pub(super) hearing: Hearing,
     pub(super) quality: Quality,
-    /// Number of consecutive failed deliveries since it was last heard.
-    failed_deliveries: u32,
-    /// When the frame was sent whose delivery the medium has not reported yet.
-    sent_at: Option<Timestamp>,
+    pub(super) deliveries: Deliveries,
     /// Whether it requested this drone's state and has not been answered.
     pub(super) awaits_answer: bool,
     /// Number of announcements of the current epoch; `None` once it was heard under it.
@@ -139,11 +129,9 @@ impl Neighbour {
             id,
             known_since: now,
             heard_at: now,
-            symmetric: false,
-            omitted_since: None,
+            hearing: Hearing::Unproven,
             quality: Quality::new(),
-            failed_deliveries: 0,
-            sent_at: None,
+            deliveries: Deliveries::default(),
             awaits_answer: false,
             epoch_announcements: None,
             report: Report::default(),
@@ -176,104 +164,37 @@ impl Neighbour {
         }
         self.heard_at = now;
         let was_reachable = self.is_reachable();
-        self.failed_deliveries = 0;
+        self.deliveries.forget_failures();
         self.epoch_announcements = None;
-        let symmetric = self.report.hears_own.unwrap_or(self.symmetric);
-        match self.report.hears_own {
-            Some(true) => self.omitted_since = None,
-            Some(false) => self.omitted_since = self.omitted_since.or(Some(now)),
-            // The frame does not tell.
-            None => {}
-        }
-        // One omission may come from a restart or a lost frame. The link becomes one-way only after the stale time.
         let stale_time = || leaf_period * self.quality.stale_heartbeats.into();
-        let is_recent = self
-            .omitted_since
-            .is_none_or(|since| now.since(since) < stale_time());
-        let was_symmetric = self.symmetric;
-        self.symmetric = symmetric || (self.symmetric && is_recent);
+        let symmetry = (self.hearing).record(now, self.report.hears_own, stale_time);
         if !self.confirms_delivered() {
             // It restarted, or sent the report before it received the frame.
             self.change_sets(|sets| sets.delivered = (0, NodeSet::new()));
         }
         LinkChange {
             is_reachable_again: !was_reachable,
-            symmetry: self.symmetric != was_symmetric,
+            symmetry,
             cost: self.quality.cost_differs_from(&before),
         }
     }
 
     /// Whether it can be reached, as far as this drone knows.
     pub(super) fn is_reachable(&self) -> bool {
-        self.failed_deliveries < *FAILED_DELIVERIES.start()
-            || self.failed_deliveries < self.failed_deliveries_max()
-    }
-
-    /// Number of consecutive failures at which the neighbour counts as unreachable.
-    #[expect(
-        clippy::cast_possible_truncation,
-        clippy::cast_sign_loss,
-        reason = "within `FAILED_DELIVERIES`"
-    )]
-    fn failed_deliveries_max(&self) -> u32 {
-        let lost = (1.0 - self.quality.round_trip()).max(f64::EPSILON);
-        let frames = (libm::log(UNREACHABLE_ODDS) / libm::log(lost)).ceil() as u32;
-        frames.clamp(*FAILED_DELIVERIES.start(), *FAILED_DELIVERIES.end())
+        self.deliveries.is_reachable(&self.quality)
     }
 
     /// Whether frames to it are taken as received: a lossless link without failures since it was heard, and no open
     /// request.
     pub(super) fn is_trusted(&self) -> bool {
-        self.quality.is_good() && self.failed_deliveries == 0 && !self.awaits_answer
-    }
-
-    /// Records that a unicast to it was sent.
-    pub(super) const fn record_send(&mut self, now: Timestamp) {
-        self.sent_at = Some(now);
-    }
-
-    /// Whether the medium is still sending a unicast to it. Another one would queue behind it and delay all others.
-    pub(super) fn has_frame_in_flight(&self, now: Timestamp) -> bool {
-        self.sent_at
-            .is_some_and(|at| now.since(at) < DELIVERY_REPORT_MAX)
-    }
-
-    /// Records that a unicast to it was not delivered.
-    pub(super) const fn record_failure(&mut self) {
-        self.sent_at = None;
-        self.failed_deliveries = self.failed_deliveries.saturating_add(1);
-    }
-
-    /// Records that a unicast to it was delivered.
-    pub(super) const fn record_delivery(&mut self) {
-        self.sent_at = None;
-        self.failed_deliveries = 0;
-    }
-
-    /// Marks it unreachable until it is heard again.
-    pub(super) const fn mark_unreachable(&mut self) {
-        self.failed_deliveries = *FAILED_DELIVERIES.end();
+        self.quality.is_good() && !self.deliveries.has_failed() && !self.awaits_answer
     }
 
     /// Whether it hears this drone but may not know the leader epoch.
     pub(super) fn needs_epoch_announcement(&self) -> bool {
         let delivered = self.epoch_announcements;
-        self.symmetric && delivered.is_some_and(|times| times < EPOCH_ANNOUNCEMENTS_MAX)
-    }
-
-    /// Whether its reports omit this drone from the neighbours that it hears.
-    pub(super) const fn omits_this_drone(&self) -> bool {
-        self.omitted_since.is_some()
-    }
-
-    /// Whether it may not hear this drone: it has not shown that it does, or reports that it no longer does.
-    pub(super) const fn may_be_deaf(&self) -> bool {
-        !self.symmetric || self.omits_this_drone()
-    }
-
-    /// Whether it reports that it no longer hears this drone.
-    pub(super) const fn lost_this_drone(&self) -> bool {
-        self.symmetric && self.omits_this_drone()
+        self.hearing.is_symmetric()
+            && delivered.is_some_and(|times| times < EPOCH_ANNOUNCEMENTS_MAX)
     }
 
     /// Whether it has an order, as it or the medium reported.
@@ -320,7 +241,7 @@ impl Neighbour {
         };
         self.body = Bytes::new();
         self.sets = None;
-        self.failed_deliveries = 0;
+        self.deliveries.forget_failures();
         self.awaits_answer = false;
         self.epoch_announcements = Some(0);
     }
@@ -353,12 +274,12 @@ impl Neighbour {
     /// Touches each cache line of it.
     pub(super) fn read_ahead(&self) {
         black_box((
-            self.omitted_since,
+            self.hearing.omits_this_drone(),
             self.report.number,
             self.report.by_parent,
         ));
         black_box((self.body.len(), self.heard_at, self.quality.is_proven()));
-        black_box((self.sets().delivered.0, self.symmetric));
+        black_box((self.sets().delivered.0, self.hearing.is_symmetric()));
     }
 
     /// Whether it has been silent for so long that another parent would be better.

@@ -171,7 +171,8 @@ impl ParentSelection {
     /// The parent, unless it is unreachable, one-way or without route.
     fn check_parent(&self, links: &LinkTable) -> Option<SoundParent> {
         let link = links.get(self.routes.parent?)?;
-        let is_sound = link.symmetric && link.is_reachable() && link.has_route_past(self.own);
+        let is_sound =
+            link.hearing.is_symmetric() && link.is_reachable() && link.has_route_past(self.own);
         is_sound.then(|| SoundParent {
             stale_at: link.stale_at(self.heartbeat_period),
         })
@@ -281,13 +282,14 @@ impl ParentSelection {
         context: RouteContext,
         links: &'a LinkTable,
     ) -> Option<&'a Neighbour> {
-        let is_usable = |link: &Neighbour| link.symmetric && link.has_route_past(self.own);
+        let is_usable =
+            |link: &Neighbour| link.hearing.is_symmetric() && link.has_route_past(self.own);
         let current = self.routes.parent.and_then(|parent| links.get(parent));
         let is_live =
             |link: &Neighbour| link.is_reachable() && !link.is_stale(now, self.heartbeat_period);
         let live_parent = current.filter(|link| is_usable(link) && is_live(link));
         let omits_this_drone =
-            |link: &Neighbour| link.omits_this_drone() && !context.throttles_leaves;
+            |link: &Neighbour| link.hearing.omits_this_drone() && !context.throttles_leaves;
         let is_feasible = |link: &Neighbour| {
             let label = Label {
                 heartbeat: link.route_heartbeat(),

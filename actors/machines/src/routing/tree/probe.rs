@@ -142,7 +142,9 @@ impl ParentProbe {
         let heartbeats = if links.len() == 1 && others.next().is_some() {
             STALE_HEARTBEATS_MAX
         } else {
-            u16::from(self.dropped_parent.is_none() && others.any(|link| link.symmetric))
+            u16::from(
+                self.dropped_parent.is_none() && others.any(|link| link.hearing.is_symmetric()),
+            )
         };
         since + config.route_timeout + config.heartbeat_period * heartbeats.into()
     }

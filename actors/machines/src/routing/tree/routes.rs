@@ -15,7 +15,7 @@ impl TreePolicy {
     /// Whether a neighbour is worth a frame: both hear each other, and more than a few frames arrive.
     fn is_usable(&self, link: &Neighbour, now: Timestamp) -> bool {
         let time_to_live = self.topology.config.link_time_to_live;
-        link.symmetric
+        link.hearing.is_symmetric()
             && link.is_reachable()
             && !link.quality.is_poor()
             && self.topology.links.is_heard(link, now, time_to_live)
@@ -83,7 +83,7 @@ impl Neighbourhood for TreePolicy {
         if is_delivered {
             self.topology
                 .links
-                .update_link(to, Neighbour::record_delivery);
+                .update_link(to, |link| link.deliveries.record_delivery());
         } else {
             self.topology.record_failure(shared, now, to);
         }

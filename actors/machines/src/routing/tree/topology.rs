@@ -224,7 +224,7 @@ impl Topology {
             return;
         };
         let (sequence, heartbeat) = (link.report.sequence, link.report.heartbeat);
-        if received.is_new || link.lost_this_drone() {
+        if received.is_new || link.hearing.lost_this_drone() {
             // The heartbeat shows the neighbour that it is heard.
             self.heartbeat_timer.schedule_for_new_neighbour(shared, now);
         }
@@ -253,7 +253,7 @@ impl Topology {
 
     /// Records that a unicast to a neighbour was not delivered.
     pub(super) fn record_failure(&mut self, shared: &mut SharedState, now: Timestamp, id: NodeId) {
-        self.links.update_link(id, Neighbour::record_failure);
+        (self.links).update_link(id, |link| link.deliveries.record_failure());
         self.update_route(shared, now);
     }
 
@@ -264,7 +264,7 @@ impl Topology {
         now: Timestamp,
         id: NodeId,
     ) {
-        self.links.update_link(id, Neighbour::mark_unreachable);
+        (self.links).update_link(id, |link| link.deliveries.mark_unreachable());
         self.update_route(shared, now);
     }
 

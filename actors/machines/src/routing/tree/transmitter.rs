@@ -115,7 +115,7 @@ impl Transmitter {
             self.send_frame(shared, (reason, None), &recipients, view);
         }
         for to in targets.iter() {
-            let is_in_flight = |link: &Neighbour| link.has_frame_in_flight(view.now);
+            let is_in_flight = |link: &Neighbour| link.deliveries.is_in_flight(view.now);
             if reason != Reason::Repair || !view.topology.links.get(to).is_some_and(is_in_flight) {
                 self.send_frame(shared, (reason, Some(to)), &recipients, view);
             }

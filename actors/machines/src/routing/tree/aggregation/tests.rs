@@ -122,7 +122,7 @@ fn landing_and_unreachable_children_are_not_awaited() {
             relay
                 .near
                 .links
-                .update_link(NodeId(2), Neighbour::mark_unreachable);
+                .update_link(NodeId(2), |link| link.deliveries.mark_unreachable());
         }
         assert_eq!(relay.forward(), Forward::Now);
     }

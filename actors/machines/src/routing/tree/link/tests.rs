@@ -24,7 +24,8 @@ fn neighbour_is_unreachable_at_failure_odds_of_one_in_a_thousand() {
         near.receive_well(2, &hearing(sixteenths));
         let mut failed_deliveries = 0;
         while near.links.get(NodeId(2)).unwrap().is_reachable() {
-            near.links.update_link(NodeId(2), Neighbour::record_failure);
+            near.links
+                .update_link(NodeId(2), |link| link.deliveries.record_failure());
             failed_deliveries += 1;
         }
         assert_eq!(failed_deliveries, times, "{sixteenths}/16 received");
@@ -45,7 +46,8 @@ fn lossless_neighbour_without_failures_or_requests_is_trusted() {
     assert!(!is_trusted(15, |_| ()));
     assert!(!is_trusted(16, |near| near.links.record_request(NodeId(2))));
     let give_up = |near: &mut Neighbourhood| {
-        near.links.update_link(NodeId(2), Neighbour::record_failure);
+        near.links
+            .update_link(NodeId(2), |link| link.deliveries.record_failure());
     };
     assert!(!is_trusted(16, give_up));
 }
@@ -90,14 +92,14 @@ fn link_stays_symmetric_until_omitted_for_longer_than_stale_time() {
     let stale = near.links.get(NodeId(2)).unwrap().quality.stale_heartbeats;
     for _ in 0..=stale {
         near.receive(2, omits_this_drone.clone());
-        assert!(near.links.get(NodeId(2)).unwrap().symmetric);
+        assert!(near.links.get(NodeId(2)).unwrap().hearing.is_symmetric());
         // A forwarded order does not report which drones are heard.
         near.receive_unmodified(2, forwarded.clone());
         near.now += Neighbourhood::HEARTBEAT_PERIOD * 9 / 10;
     }
     near.now += Neighbourhood::HEARTBEAT_PERIOD;
     near.receive(2, omits_this_drone);
-    assert!(!near.links.get(NodeId(2)).unwrap().symmetric);
+    assert!(!near.links.get(NodeId(2)).unwrap().hearing.is_symmetric());
     near.receive(2, hearing(16));
-    assert!(near.links.get(NodeId(2)).unwrap().symmetric);
+    assert!(near.links.get(NodeId(2)).unwrap().hearing.is_symmetric());
 }

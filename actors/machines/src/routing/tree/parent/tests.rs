@@ -214,7 +214,7 @@ fn unreachable_parent_is_replaced() {
     drone
         .near
         .links
-        .update_link(NodeId(2), Neighbour::mark_unreachable);
+        .update_link(NodeId(2), |link| link.deliveries.mark_unreachable());
     assert_eq!(drone.choose(), Some(3));
 }
 
