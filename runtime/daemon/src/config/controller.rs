@@ -75,18 +75,7 @@ impl File {
                            `receiver` (\"sole\", \"override\")";
             return refuse(vehicle.span(), message);
         };
-        let address: Address = match port.get_ref().parse() {
-            Ok(address) => address,
-            Err(error) => return refuse(port.span(), &error.to_string()),
-        };
-        if stage == Stage::Sim && matches!(address, Address::Serial { .. }) {
-            let message = "in the stage \"sim\" `port` needs \"tcp:HOST:PORT\": motors may hang on a serial device";
-            return refuse(port.span(), message);
-        }
-        if stage == Stage::Sim && !address.is_on_this_host() {
-            let message = "in the stage \"sim\" `port` needs an address of this host: who arms it must have started it";
-            return refuse(port.span(), message);
-        }
+        let port = self.port(port, stage)?;
         if let Some(pose) = &raw.pose
             && !(pose.get_ref().ip().is_loopback() && pose.get_ref().port() > 0)
         {
@@ -97,13 +86,33 @@ impl File {
             permission: self.permission(receiver)?,
             pose: raw.pose.as_ref().map(|it| *it.get_ref()),
             flow: self.flow()?,
-            port: address,
+            port,
             stage,
             receiver: match receiver.get_ref() {
                 ReceiverName::Sole => Receiver::Sole,
                 ReceiverName::Override => Receiver::Override,
             },
         }))
+    }
+
+    /// The flight controller's port. In the stage `sim` no motor may hang on it.
+    fn port(&self, port: &Located<String>, stage: Stage) -> Result<Address, BadInput> {
+        let refuse = |message: &str| Err(self.0.error(port.span(), message));
+        let address: Address = match port.get_ref().parse() {
+            Ok(address) => address,
+            Err(error) => return refuse(&error.to_string()),
+        };
+        if stage == Stage::Sim && matches!(address, Address::Serial { .. }) {
+            return refuse(
+                "in the stage \"sim\" `port` needs \"tcp:HOST:PORT\": motors may hang on a serial device",
+            );
+        }
+        if stage == Stage::Sim && !address.is_on_this_host() {
+            return refuse(
+                "in the stage \"sim\" `port` needs an address of this host: who arms it must have started it",
+            );
+        }
+        Ok(address)
     }
 
     /// The port of the optical flow module, if the drone has one.
