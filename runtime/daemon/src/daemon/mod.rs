@@ -17,6 +17,7 @@ mod monitor;
 mod network;
 mod operators;
 mod outcome;
+mod own_drone;
 mod permission;
 mod process;
 mod radio_link;
@@ -44,9 +45,12 @@ use tokio::task::{JoinError, JoinHandle, JoinSet};
 use self::computer::Computer;
 use self::endpoint::Endpoint;
 pub use self::error::DaemonError;
+use self::monitor::Monitor;
 use self::network::Waiting;
 use self::operators::OperatorService;
+use self::own_drone::OwnDrone;
 use self::process::{Components, Process};
+use self::reporter::Reporter;
 use self::resources::{OpenedVehicle, Resources, open_journal, open_vehicle};
 use self::revocation::{Revocations, Store};
 use self::tasks::Reload;
@@ -210,12 +214,18 @@ impl Incarnation {
         let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
         tracing::info!(drone, at_ns, incarnation = number, address = %network.address(), "{STARTS}");
         let has_agent = config.plan.agent.is_some() && !config.is_relay();
+        let monitor = Monitor::new(
+            Reporter::new(config.id, config.log == Format::Json),
+            lines_lost,
+            Computer::watch(&config.journal).map_err(DaemonError::Runtime)?,
+            has_agent.then(Arc::default),
+        );
         let process = Process::new(Components {
-            agent_calls: has_agent.then(Arc::default),
-            computer: Computer::watch(&config.journal).map_err(DaemonError::Runtime)?,
-            id: config.id,
-            swarm: config.swarm,
-            is_relay: config.is_relay(),
+            own: OwnDrone {
+                id: config.id,
+                swarm: config.swarm,
+                is_relay: config.is_relay(),
+            },
             clock,
             hang_max: config.plan.limits.hang,
             checkpoints,
@@ -223,8 +233,7 @@ impl Incarnation {
             network,
             revocations: Revocations::new((config.id, config.fleet), resources.in_force, store),
             vehicle,
-            for_programs: config.log == Format::Json,
-            lines_lost,
+            monitor,
         });
         let incarnation = Self {
             process,

@@ -1,38 +1,45 @@
-//! What can be observed of the drone: counters, its route, its log.
+//! What can be observed of the drone: counters, its route, its log, its computer, its agent's calls.
 
-use muster_machines::identity::NodeId;
+use std::sync::Arc;
+
 use muster_machines::node::Observation;
 use muster_machines::routing::{self, Routes};
 use muster_machines::time::Timestamp;
 use muster_machines::{mission, radio};
 
+use super::agent_calls::AgentCalls;
 use super::computer::Computer;
 use super::counts::Counts;
 use super::reporter::Reporter;
 use crate::log::Lost;
+use crate::status::AgentStatus;
 
 pub(super) struct Monitor {
     pub(super) counts: Counts,
     /// The route to the master.
     pub(super) routes: Routes,
     pub(super) reporter: Reporter,
+    /// Counts lost log lines.
     lines_lost: Lost,
     pub(super) computer: Computer,
+    /// Counts slow calls of the agent. `None` without an agent.
+    pub(super) agent_calls: Option<Arc<AgentCalls>>,
 }
 
 impl Monitor {
     pub(super) fn new(
-        drone: NodeId,
-        for_programs: bool,
+        reporter: Reporter,
         lines_lost: Lost,
         computer: Computer,
+        agent_calls: Option<Arc<AgentCalls>>,
     ) -> Self {
         Self {
             counts: Counts::default(),
             routes: Routes::default(),
-            reporter: Reporter::new(drone, for_programs),
+            reporter,
             lines_lost,
             computer,
+            agent_calls,
         }
     }
 
@@ -57,5 +64,10 @@ impl Monitor {
     /// Log lines dropped because the log's reader is too slow.
     pub(super) fn lines_lost(&self) -> u64 {
         self.lines_lost.lines()
+    }
+
+    /// The agent's calls. `None` without an agent.
+    pub(super) fn agent_status(&self) -> Option<AgentStatus> {
+        self.agent_calls.as_ref().map(|calls| calls.status())
     }
 }

@@ -4,7 +4,6 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
 use muster_actors::{Drone, Environment};
-use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::LandingReason;
 use muster_machines::msp;
 use muster_machines::node::{Address, Checkpoints, Envelope, StepOutput, emergency_landing};
@@ -13,14 +12,13 @@ use muster_machines::time::Timestamp;
 use muster_runtime::journal::{WriteReport, Writer};
 use tokio::sync::Notify;
 
-use super::agent_calls::AgentCalls;
-use super::computer::Computer;
+use super::monitor::Monitor;
 use super::network::Network;
+use super::own_drone::OwnDrone;
 use super::revocation::Revocations;
 use super::state::State;
 use super::vehicle::Vehicle;
 use crate::clock::Clock;
-use crate::log::Lost;
 use crate::status::Status;
 
 /// State that a drone's actors and tasks share.
@@ -37,10 +35,7 @@ pub(super) struct Process {
 
 /// The parts of a process.
 pub(super) struct Components {
-    pub(super) id: NodeId,
-    pub(super) swarm: SwarmId,
-    /// Whether the drone flies no mission and only forwards frames.
-    pub(super) is_relay: bool,
+    pub(super) own: OwnDrone,
     pub(super) clock: Clock,
     /// The longest time for an actor to handle no message while one waits.
     pub(super) hang_max: Duration,
@@ -49,14 +44,7 @@ pub(super) struct Components {
     pub(super) network: Network,
     pub(super) revocations: Revocations,
     pub(super) vehicle: Vehicle,
-    /// Whether the log is for programs: each observation as JSON.
-    pub(super) for_programs: bool,
-    /// Counts lost log lines.
-    pub(super) lines_lost: Lost,
-    /// The health of the computer.
-    pub(super) computer: Computer,
-    /// Counts slow calls of the agent. `None` without an agent.
-    pub(super) agent_calls: Option<Arc<AgentCalls>>,
+    pub(super) monitor: Monitor,
 }
 
 impl Process {

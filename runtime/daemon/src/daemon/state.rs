@@ -3,7 +3,6 @@
 use std::sync::Arc;
 
 use muster_actors::Drone;
-use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::mission::{self, LandingReason};
 use muster_machines::msp::{self, FlightCommand, PortEvent, Telemetry};
 use muster_machines::node::{Address, Checkpoint, Checkpoints, Effect, Envelope, Observation};
@@ -20,6 +19,7 @@ use super::agent_calls::AgentCalls;
 use super::durable::{Durable, Frame};
 use super::monitor::Monitor;
 use super::outcome::Outcome;
+use super::own_drone::OwnDrone;
 use super::process::Components;
 use super::radio_link::{Polled, RadioLink};
 use super::revocation::{OutdatedList, Revocations};
@@ -36,10 +36,7 @@ pub(super) use self::status::{ANSWER_MAX, STATES};
 const DRAIN_MAX: usize = 64;
 
 pub(super) struct State {
-    id: NodeId,
-    swarm: SwarmId,
-    /// Whether it flies no mission and only forwards.
-    is_relay: bool,
+    own: OwnDrone,
     clock: Clock,
     actors: Actors,
     durable: Durable,
@@ -47,7 +44,6 @@ pub(super) struct State {
     revocations: Revocations,
     vehicle: Vehicle,
     monitor: Monitor,
-    agent_calls: Option<Arc<AgentCalls>>,
     outcome: Outcome,
     /// The link to the vehicle has started, and was not told of its port yet.
     is_link_new: bool,
@@ -64,22 +60,14 @@ impl State {
         });
         let seed = components.clock.now().as_nanos();
         Self {
-            id: components.id,
-            swarm: components.swarm,
-            is_relay: components.is_relay,
+            own: components.own,
             clock: components.clock,
             actors: Actors::new(components.hang_max),
             durable: Durable::new(components.checkpoints, components.journal),
             link: RadioLink::new(components.network, seed),
             revocations: components.revocations,
             vehicle: components.vehicle,
-            monitor: Monitor::new(
-                components.id,
-                components.for_programs,
-                components.lines_lost,
-                components.computer,
-            ),
-            agent_calls: components.agent_calls,
+            monitor: components.monitor,
             outcome: Outcome::new(is_finished),
             is_link_new: false,
             missed_closing: false,
@@ -101,7 +89,7 @@ impl State {
 
     /// Counts slow calls of the agent. `None` without an agent.
     pub(super) fn agent_calls(&self) -> Option<Arc<AgentCalls>> {
-        self.agent_calls.clone()
+        self.monitor.agent_calls.clone()
     }
 
     pub(super) const fn outcome(&self) -> &Outcome {
@@ -183,7 +171,7 @@ impl State {
 
     fn send(&mut self, now: Timestamp, frame: &Frame) {
         self.monitor.counts.sent(&frame.bytes, frame.keep_alive);
-        self.link.send(now, self.id, frame);
+        self.link.send(now, self.own.id, frame);
     }
 
     pub(super) fn post(&mut self, envelope: Envelope) {

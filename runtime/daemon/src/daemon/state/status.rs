@@ -10,7 +10,7 @@ use muster_machines::wire::PacketKind;
 
 use super::State;
 use crate::status::{
-    ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, Role, Sent, Status, VehicleStatus,
+    ActorStatus, Datagrams, Doing, Frames, Heard, LeaderEpoch, Sent, Status, VehicleStatus,
 };
 
 /// The drone is unhealthy if an actor takes longer than this for a message. On a busy machine it takes a tenth of it.
@@ -38,22 +38,16 @@ impl State {
     /// The drone's status.
     pub(in crate::daemon) fn status(&self, now: Timestamp) -> Status {
         let ballot = self.checkpoints().ballot();
-        let role = match ballot {
-            _ if self.is_relay => Role::Relay,
-            None => Role::None,
-            Some(ballot) if ballot.master == self.id => Role::Master,
-            Some(_) => Role::Member,
-        };
         Status {
-            drone: self.id.0,
-            swarm: self.swarm.0,
+            drone: self.own.id.0,
+            swarm: self.own.swarm.0,
             version: env!("CARGO_PKG_VERSION").to_owned(),
             incarnation: self.checkpoints().boot(),
             up_s: now.since(self.clock.started()).as_secs_f64(),
             faults: self.faults(now),
             state: doing(self.checkpoints().state()),
             in_flight: !self.is_idle(),
-            role,
+            role: self.own.role(ballot),
             ballot: ballot.map(|ballot| LeaderEpoch {
                 term: ballot.term,
                 rank: ballot.rank,
@@ -66,7 +60,7 @@ impl State {
             vehicle: self.vehicle(now),
             port: self.vehicle.port(),
             actors: self.actor_status(),
-            agent: self.agent_calls.as_ref().map(|calls| calls.status()),
+            agent: self.monitor.agent_status(),
             frames: self.frames(),
             datagrams: self.datagrams(),
             messages_refused: self.actors.refused.messages,
