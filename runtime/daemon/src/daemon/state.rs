@@ -28,8 +28,10 @@ use super::vehicle::Vehicle;
 use crate::clock::Clock;
 use crate::control::Losses;
 
+mod pending;
 mod status;
 
+use self::pending::PendingPortEvents;
 pub(super) use self::status::{ANSWER_MAX, STATES};
 
 /// The most datagrams that are taken in before the actors run.
@@ -45,10 +47,7 @@ pub(super) struct State {
     vehicle: Vehicle,
     monitor: Monitor,
     outcome: Outcome,
-    /// The link to the vehicle has started, and was not told of its port yet.
-    is_link_new: bool,
-    /// The link had no room for the word that its port was closed.
-    missed_closing: bool,
+    port_events: PendingPortEvents,
     /// When the timer task wakes.
     wakes: Option<Timestamp>,
 }
@@ -69,8 +68,7 @@ impl State {
             vehicle: components.vehicle,
             monitor: components.monitor,
             outcome: Outcome::new(is_finished),
-            is_link_new: false,
-            missed_closing: false,
+            port_events: PendingPortEvents::default(),
             wakes: None,
         }
     }
@@ -181,38 +179,27 @@ impl State {
     /// An actor starts or is started again.
     pub(super) fn starting(&mut self, address: Address) {
         self.actors.set_up(address);
-        self.is_link_new |= address == Address::Msp;
+        if address == Address::Msp {
+            self.port_events.link_starts();
+        }
     }
 
-    /// Tells a link that has just started of its port. It is told as soon as it runs and has room.
-    fn introduce_port(&mut self, now: Timestamp) {
-        if self.missed_closing {
-            self.missed_closing = !self.post_port_event(now, PortEvent::Closed);
-        }
-        if self.is_link_new && !self.missed_closing {
-            let mut events = self.vehicle.introduction(now);
-            self.is_link_new = !events.all(|event| self.post_port_event(now, event));
-        }
+    /// Tells the link what it has yet to be told of its port.
+    fn deliver_port_events(&mut self, now: Timestamp) {
+        let (vehicle, actors) = (&self.vehicle, &mut self.actors);
+        let introduction = || vehicle.introduction(now);
+        let post = |event| actors.post(now, for_link(event));
+        self.port_events.deliver(introduction, post);
     }
 
     /// An event of the port to the flight controller or the autopilot.
     pub(super) fn port_told(&mut self, now: Timestamp, event: PortEvent) {
-        self.introduce_port(now);
-        if !self.vehicle.port_told(now, &event) {
-            return;
+        self.deliver_port_events(now);
+        if self.vehicle.port_told(now, &event) {
+            let actors = &mut self.actors;
+            let post = |event| actors.post(now, for_link(event));
+            self.port_events.post(event, post);
         }
-        let is_closed = matches!(event, PortEvent::Closed);
-        let is_identified = matches!(event, PortEvent::Identified { .. });
-        if !self.post_port_event(now, event) {
-            // It has no room now, and must not miss these.
-            self.missed_closing |= is_closed;
-            self.is_link_new |= is_identified;
-        }
-    }
-
-    fn post_port_event(&mut self, now: Timestamp, event: PortEvent) -> bool {
-        let event = Box::new(msp::Input::Port(event));
-        self.actors.post(now, Envelope::Msp(event))
     }
 
     fn report_telemetry(&mut self, now: Timestamp, telemetry: Option<Telemetry>) {
@@ -353,7 +340,7 @@ impl State {
         self.actors.fire_timers(now);
         self.deliver_landing_order(now);
         self.deliver_list(now);
-        self.introduce_port(now);
+        self.deliver_port_events(now);
         let telemetry = self.vehicle.handle_timeout(now);
         self.report_telemetry(now, telemetry);
         self.actors.restart_due(now);
@@ -405,4 +392,8 @@ impl State {
             self.monitor.lines_lost(),
         );
     }
+}
+
+fn for_link(event: PortEvent) -> Envelope {
+    Envelope::Msp(Box::new(msp::Input::Port(event)))
 }

@@ -1,0 +1,102 @@
+//! Events of the port that the link to the vehicle must not miss.
+
+use muster_machines::msp::PortEvent;
+
+/// Port events that wait until the link to the vehicle runs and has room.
+///
+/// Invariant: a link that missed that its port was closed is told so before it is introduced to the port.
+#[derive(Debug, Default)]
+pub(super) struct PendingPortEvents {
+    /// The link had no room for the word that its port was closed.
+    closing: bool,
+    /// The link has started, or had no room for the identity of the flight controller.
+    introduction: bool,
+}
+
+impl PendingPortEvents {
+    /// The link starts or is started again.
+    pub(super) const fn link_starts(&mut self) {
+        self.introduction = true;
+    }
+
+    /// Posts what waits. `introduction` yields the events for a link that has just started; `post` returns whether the link
+    /// had room.
+    pub(super) fn deliver<I: Iterator<Item = PortEvent>>(
+        &mut self,
+        introduction: impl FnOnce() -> I,
+        mut post: impl FnMut(PortEvent) -> bool,
+    ) {
+        if self.closing {
+            self.closing = !post(PortEvent::Closed);
+        }
+        if self.introduction && !self.closing {
+            self.introduction = !introduction().all(post);
+        }
+    }
+
+    /// Posts a new event. If the link has no room now and must not miss it, the event waits.
+    pub(super) fn post(&mut self, event: PortEvent, post: impl FnOnce(PortEvent) -> bool) {
+        let is_closed = matches!(event, PortEvent::Closed);
+        let is_identified = matches!(event, PortEvent::Identified { .. });
+        if !post(event) {
+            self.closing |= is_closed;
+            self.introduction |= is_identified;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use muster_machines::msp::controller::Stage;
+    use muster_msp::{Status, Telemetry};
+
+    use super::*;
+
+    fn identified() -> PortEvent {
+        PortEvent::Identified {
+            identity: Box::default(),
+            granted: Stage::Bench,
+        }
+    }
+
+    fn told() -> PortEvent {
+        PortEvent::Told(Telemetry::Status(Status::default()))
+    }
+
+    /// The events that a link with room for `room` of them gets.
+    fn delivered(pending: &mut PendingPortEvents, room: usize) -> Vec<PortEvent> {
+        let mut delivered = Vec::new();
+        let introduction = || [identified(), told()].into_iter();
+        pending.deliver(introduction, |event| {
+            let has_room = delivered.len() < room;
+            if has_room {
+                delivered.push(event);
+            }
+            has_room
+        });
+        delivered
+    }
+
+    #[test]
+    fn missed_closing_is_delivered_before_the_introduction() {
+        let mut pending = PendingPortEvents::default();
+        pending.link_starts();
+        pending.post(PortEvent::Closed, |_| false);
+        assert!(delivered(&mut pending, 0).is_empty());
+        assert_eq!(delivered(&mut pending, 1), [PortEvent::Closed]);
+        // An introduction that did not fit is repeated as a whole.
+        assert_eq!(delivered(&mut pending, 1), [identified()]);
+        assert_eq!(delivered(&mut pending, 2), [identified(), told()]);
+        assert!(delivered(&mut pending, 2).is_empty());
+    }
+
+    #[test]
+    fn missed_identity_is_delivered_later_and_missed_telemetry_is_not() {
+        let mut pending = PendingPortEvents::default();
+        pending.post(told(), |_| false);
+        pending.post(identified(), |_| true);
+        assert!(delivered(&mut pending, 2).is_empty());
+        pending.post(identified(), |_| false);
+        assert_eq!(delivered(&mut pending, 2), [identified(), told()]);
+    }
+}
