@@ -1,6 +1,9 @@
 //! A port for flying: one thread opens and reads, one writes on time.
 
+mod arming;
+mod events;
 mod inbox;
+mod rc_counts;
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -11,7 +14,7 @@ use std::time::{Duration, Instant};
 use muster_msp::check::ReceiverMode;
 use muster_msp::{Decoder, Message, SetRawRc, TICK};
 
-pub use self::inbox::Event;
+pub use self::events::Event;
 use self::inbox::Inbox;
 use crate::address::Address;
 use crate::fitness::{self, Look};
@@ -115,7 +118,7 @@ impl Link {
             .arrived
             .wait_timeout_while(shared.inbox(), timeout, none);
         let (mut inbox, _) = waited.unwrap_or_else(PoisonError::into_inner);
-        inbox.events.pop_front()
+        inbox.events.pop()
     }
 }
 
@@ -190,7 +193,7 @@ fn read_while_open(shared: &Shared, wire: &Wire, back_off: &mut Duration) -> Opt
             *back_off = BACK_OFF_MIN;
             shared.arrived.notify_all();
         }
-        shared.inbox().counts = decoder.counts();
+        shared.inbox().set_counts(decoder.counts());
     }
     None
 }
@@ -198,7 +201,7 @@ fn read_while_open(shared: &Shared, wire: &Wire, back_off: &mut Duration) -> Opt
 /// Writes one command a tick.
 fn write_on_time(shared: &Shared) {
     let is_realtime = raise_priority();
-    shared.inbox().is_realtime = is_realtime;
+    shared.inbox().set_realtime(is_realtime);
     let mut bytes = Vec::new();
     let mut due = Instant::now();
     while !shared.is_stopped() {

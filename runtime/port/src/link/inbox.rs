@@ -1,61 +1,41 @@
 //! What both threads of a link know.
 
-use std::collections::VecDeque;
 use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_msp::check::Finding;
 use muster_msp::{
-    Answer, BadAnswer, Conversation, Counts, Direction, Frame, Identity, Mode, Telemetry, Write,
+    Answer, BadAnswer, Conversation, Counts, Direction, Frame, Mode, Telemetry, Write,
 };
 
 use super::RC;
+use super::arming::Arming;
+use super::events::{Event, Events};
+use super::rc_counts::RcCounts;
 use crate::fitness::Look;
 use crate::rate::Rate;
 use crate::session::Latency;
 use crate::status::{State, Status};
 use crate::wire::Wire;
 
-/// Telemetry that waits to be taken; then the oldest is dropped, and counted.
-const EVENTS_MAX: usize = 256;
 /// A controller that said nothing for that long is silent.
 const SILENT: Duration = Duration::from_millis(500);
-
-/// What happened.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Event {
-    /// The controller is not fit to fly. Comes before [`Event::Identified`].
-    Unfit(Vec<Finding>),
-    /// The controller said who it is.
-    Identified(Identity),
-    /// The port was closed, or could not be opened.
-    Closed(String),
-    /// The controller told something.
-    Telemetry(Telemetry),
-}
 
 #[derive(Debug, Default)]
 pub(super) struct Inbox {
     /// The open port.
     pub(super) wire: Option<Arc<Wire>>,
     pub(super) conversation: Conversation,
-    pub(super) events: VecDeque<Event>,
-    pub(super) counts: Counts,
-    pub(super) is_realtime: bool,
+    pub(super) events: Events,
     is_identified: bool,
-    is_armed: Option<bool>,
-    /// The port was opened in flight, and its controller not looked at.
-    is_unlooked: bool,
-    /// Statuses in a row that said disarmed.
-    disarmed: u8,
+    arming: Arming,
     latency: Latency,
-    status: Status,
+    /// When the last frame was read.
     heard: Duration,
-    /// When RC was written last, while sticks are given.
-    rc_written: Option<Duration>,
     frames: Rate,
-    rc: Rate,
+    rc: RcCounts,
+    /// Fields that hold until they are set again, and counters. [`Self::status`] adds the others.
+    status: Status,
 }
 
 impl Inbox {
@@ -67,8 +47,7 @@ impl Inbox {
         look: Option<Look>,
         must_look: bool,
     ) {
-        self.is_unlooked = must_look && look.is_none();
-        self.disarmed = 0;
+        self.arming.opened(must_look && look.is_none());
         self.conversation = Conversation::new(now);
         self.wire = Some(wire);
         self.is_identified = false;
@@ -77,7 +56,7 @@ impl Inbox {
         self.status.opened += 1;
         if let Some(Look { unfit, found }) = look {
             if !unfit.is_empty() {
-                self.push(Event::Unfit(unfit.clone()));
+                self.events.push(Event::Unfit(unfit.clone()));
             }
             self.status.unfit = unfit;
             self.status.found = found.map(Arc::new);
@@ -91,30 +70,26 @@ impl Inbox {
         self.is_identified = false;
         self.status.closed_by = Some(error.clone());
         if is_news {
-            self.push(Event::Closed(error));
+            self.events.push(Event::Closed(error));
         }
     }
 
     /// What to write now, and where.
     pub(super) fn tick(&mut self, now: Duration) -> Option<(Arc<Wire>, Write)> {
         if !self.conversation.is_sending(now) {
-            self.rc_written = None;
+            self.rc.pause();
         }
         let wire = self.wire.clone()?;
         let write = self.conversation.tick(now)?;
         if let Some(told) = self.conversation.count_acknowledged() {
-            self.push(Event::Telemetry(told));
+            self.events.push(Event::Telemetry(told));
         }
         Some((wire, write))
     }
 
     pub(super) fn written(&mut self, now: Duration, write: &Write) {
         if let Write::Rc(_) = write {
-            self.status.rc_sent += 1;
-            self.rc.count(now);
-            if let Some(before) = self.rc_written.replace(now) {
-                self.status.rc_gap_max = self.status.rc_gap_max.max(now - before);
-            }
+            self.rc.written(now);
         }
     }
 
@@ -126,7 +101,7 @@ impl Inbox {
         }
         if frame.command == RC {
             if frame.direction == Direction::Reply {
-                self.status.rc_acknowledged += 1;
+                self.rc.acknowledged();
                 self.conversation.acknowledged();
             }
             return;
@@ -140,7 +115,7 @@ impl Inbox {
         match told {
             Ok(Some(telemetry)) => {
                 self.look_for_arming(&telemetry);
-                self.push(Event::Telemetry(telemetry));
+                self.events.push(Event::Telemetry(telemetry));
             }
             Ok(None) => {}
             Err(BadAnswer::Refused) => self.status.refused += 1,
@@ -150,13 +125,13 @@ impl Inbox {
             && let Some(identity) = self.conversation.identity().cloned()
         {
             self.is_identified = true;
-            self.push(Event::Identified(identity));
+            self.events.push(Event::Identified(identity));
         }
     }
 
     /// Whether the controller was armed when it told so last. `None` if it never has.
     pub(super) const fn is_armed(&self) -> Option<bool> {
-        self.is_armed
+        self.arming.is_armed()
     }
 
     fn look_for_arming(&mut self, telemetry: &Telemetry) {
@@ -164,30 +139,21 @@ impl Inbox {
             (telemetry, self.conversation.identity())
         {
             let is_armed = identity.boxes.is_active(Mode::Arm, status.modes()) == Some(true);
-            self.is_armed = Some(is_armed);
-            self.disarmed = if is_armed {
-                0
-            } else {
-                self.disarmed.saturating_add(1)
-            };
+            self.arming.told(is_armed);
         }
-        // A single false status must not close the port of one that flies.
-        if self.is_unlooked && self.disarmed > 1 {
+        if self.arming.must_look() {
             self.close(&io::Error::other("it landed: its settings are looked at"));
         }
     }
 
-    fn push(&mut self, event: Event) {
-        let is_telemetry = |it: &Event| matches!(it, Event::Telemetry(_));
-        // What says that the port was opened or closed is never dropped: a pause between two of them bounds it.
-        if self.events.len() >= EVENTS_MAX
-            && is_telemetry(&event)
-            && let Some(oldest) = self.events.iter().position(is_telemetry)
-        {
-            self.events.remove(oldest);
-            self.status.dropped += 1;
-        }
-        self.events.push_back(event);
+    /// Whether the system grants real-time priority.
+    pub(super) const fn set_realtime(&mut self, is_realtime: bool) {
+        self.status.is_realtime = is_realtime;
+    }
+
+    /// What was read since the port was opened last.
+    pub(super) const fn set_counts(&mut self, counts: Counts) {
+        self.status.counts = counts;
     }
 
     pub(super) fn status(&self, now: Duration) -> Status {
@@ -199,7 +165,7 @@ impl Inbox {
         };
         // The question that waits for its answer is not lost yet.
         let asked = self.latency.answered + self.conversation.lost();
-        Status {
+        let mut status = Status {
             state,
             identity: self
                 .conversation
@@ -210,11 +176,11 @@ impl Inbox {
                 asked,
                 ..self.latency
             },
-            counts: self.counts,
+            dropped: self.events.dropped(),
             frames_per_second: self.frames.per_second(now),
-            rc_per_second: self.rc.per_second(now),
-            is_realtime: self.is_realtime,
             ..self.status.clone()
-        }
+        };
+        self.rc.enter(now, &mut status);
+        status
     }
 }

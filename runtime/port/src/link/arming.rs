@@ -1,0 +1,66 @@
+//! Whether the controller is armed.
+
+/// Statuses in a row that must say disarmed before the controller counts as landed: a single false one must not close the
+/// port of one that flies.
+const DISARMED_MIN: u8 = 2;
+
+/// What the controller's statuses say about arming, and whether it must still be looked at.
+///
+/// Invariant: `disarmed` counts statuses since the port was opened and since the last one that said armed.
+#[derive(Debug, Default)]
+pub(super) struct Arming {
+    /// `None` if it has never told.
+    is_armed: Option<bool>,
+    /// Statuses in a row that said disarmed.
+    disarmed: u8,
+    /// The port was opened in flight, and its controller not looked at.
+    is_unlooked: bool,
+}
+
+impl Arming {
+    /// The port was opened. `is_unlooked`: the controller was not looked at, and is to be once it has landed.
+    pub(super) const fn opened(&mut self, is_unlooked: bool) {
+        self.is_unlooked = is_unlooked;
+        self.disarmed = 0;
+    }
+
+    /// The controller told whether it is armed.
+    pub(super) const fn told(&mut self, is_armed: bool) {
+        self.is_armed = Some(is_armed);
+        self.disarmed = if is_armed {
+            0
+        } else {
+            self.disarmed.saturating_add(1)
+        };
+    }
+
+    /// Whether the controller was armed when it told so last. `None` if it never has.
+    pub(super) const fn is_armed(&self) -> Option<bool> {
+        self.is_armed
+    }
+
+    /// Whether a controller that was not looked at in flight has landed.
+    pub(super) const fn must_look(&self) -> bool {
+        self.is_unlooked && self.disarmed >= DISARMED_MIN
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn one_false_status_does_not_close_the_port_in_flight() {
+        let mut arming = Arming::default();
+        arming.opened(true);
+        for is_armed in [true, false, true, false] {
+            arming.told(is_armed);
+            assert!(!arming.must_look());
+        }
+        arming.told(false);
+        assert!(arming.must_look());
+        arming.opened(false);
+        assert!(!arming.must_look());
+        assert_eq!(arming.is_armed(), Some(false));
+    }
+}
