@@ -3,21 +3,21 @@
 use std::collections::VecDeque;
 use std::net::SocketAddr;
 use std::sync::Arc;
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::AtomicU64;
 use std::time::Duration;
 
 use bytes::Bytes;
 use muster_machines::identity::NodeId;
 use quinn::{Connection, Endpoint, Incoming, ReadToEndError};
-use tokio::sync::{Semaphore, mpsc, oneshot};
+use tokio::sync::{mpsc, oneshot};
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 
 use super::identity::{Identities, Peer};
 use super::inbox::Inbox;
 use super::links::{BUSY, Link, Links, NOT_TRUSTED, Opened, close};
+use super::operators::{Full, Operators};
 use super::rate_limit::{RateLimit, RateLimiter};
-use super::stream::Stream;
 use super::tls::{OPERATOR, Refusal, Refusals, authenticated_peer, expected_name};
 use crate::sockets::Clock;
 
@@ -46,9 +46,6 @@ const LONG_FRAMES_MAX: usize = 16;
 /// Time limit of a frame on a stream; a later frame is useless.
 const LONG_FRAME_TIMEOUT: Duration = Duration::from_secs(1);
 
-/// Most connected operators, and most of their streams that wait to be handled.
-pub(super) const OPERATORS_MAX: usize = 4;
-
 /// State shared by the transport and its tasks.
 pub(super) struct Hub {
     pub(super) id: NodeId,
@@ -57,16 +54,12 @@ pub(super) struct Hub {
     pub(super) clock: Clock,
     pub(super) endpoint: Endpoint,
     pub(super) client: quinn::ClientConfig,
-    pub(super) datagram_max: usize,
     pub(super) links: Links,
     pub(super) inbox: Inbox,
     pub(super) refusals: Arc<Refusals>,
-    /// Frames dropped because of their length.
-    pub(super) too_long: AtomicU64,
     /// Beacons refused as malformed, untrusted, replayed or over the rate limit.
     pub(super) beacons_refused: AtomicU64,
-    pub(super) operators: Semaphore,
-    pub(super) streams: mpsc::Sender<Stream>,
+    pub(super) operators: Operators,
 }
 
 impl Hub {
@@ -200,40 +193,31 @@ impl Hub {
 
     async fn read_datagrams(&self, drone: NodeId, connection: &Connection) {
         while let Ok(datagram) = connection.read_datagram().await {
-            self.deliver(drone, datagram);
+            self.inbox.push(drone, datagram);
         }
     }
 
     /// Reads one stream after the other, which keeps the order of frames.
     async fn read_streams(&self, drone: NodeId, connection: &Connection) {
         while let Ok(mut stream) = connection.accept_uni().await {
-            match timeout(LONG_FRAME_TIMEOUT, stream.read_to_end(self.datagram_max)).await {
-                Ok(Ok(frame)) => self.deliver(drone, frame.into()),
-                Ok(Err(ReadToEndError::TooLong)) => {
-                    self.too_long.fetch_add(1, Ordering::Relaxed);
-                }
+            match timeout(
+                LONG_FRAME_TIMEOUT,
+                stream.read_to_end(self.inbox.frame_max()),
+            )
+            .await
+            {
+                Ok(Ok(frame)) => self.inbox.push(drone, frame.into()),
+                Ok(Err(ReadToEndError::TooLong)) => self.inbox.count_too_long(),
                 Ok(Err(ReadToEndError::Read(_))) | Err(_) => {}
             }
         }
     }
 
-    fn deliver(&self, drone: NodeId, frame: Bytes) {
-        if frame.len() > self.datagram_max {
-            self.too_long.fetch_add(1, Ordering::Relaxed);
-        } else {
-            self.inbox.push(drone, frame);
-        }
-    }
-
-    /// Forwards the streams of an operator until its connection ends.
+    /// Serves an operator until its connection ends, if there is a place.
     async fn serve_operator(&self, connection: Connection) {
-        let Ok(_permit) = self.operators.try_acquire() else {
+        if let Err(Full) = self.operators.serve(&connection).await {
             self.refusals.count(Refusal::TooMany);
-            return close(&connection, BUSY);
-        };
-        while let Ok((writer, reader)) = connection.accept_bi().await {
-            // A stream that does not fit is dropped, which resets it.
-            let _ = self.streams.try_send(Stream { writer, reader });
+            close(&connection, BUSY);
         }
     }
 }

@@ -1,4 +1,5 @@
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use bytes::Bytes;
@@ -9,9 +10,15 @@ use tokio::sync::Notify;
 const QUEUED_MAX: usize = 64;
 
 /// Received frames that wait to be handled, in the order of arrival.
-#[derive(Debug, Default)]
+///
+/// Invariant: none is longer than the limit, and at most [`QUEUED_MAX`] are of one drone.
+#[derive(Debug)]
 pub(super) struct Inbox {
+    /// Maximum length of a frame, in bytes.
+    frame_max: usize,
     queue: Mutex<Queue>,
+    /// Frames dropped because of their length.
+    too_long: AtomicU64,
     /// Notified after each push.
     pushed: Notify,
 }
@@ -25,8 +32,26 @@ struct Queue {
 }
 
 impl Inbox {
-    /// Adds a frame; drops it if its sender has too many queued.
+    /// An empty one for frames of up to `frame_max` bytes.
+    pub(super) fn new(frame_max: usize) -> Self {
+        Self {
+            frame_max,
+            queue: Mutex::default(),
+            too_long: AtomicU64::new(0),
+            pushed: Notify::new(),
+        }
+    }
+
+    /// Maximum length of a frame, in bytes.
+    pub(super) const fn frame_max(&self) -> usize {
+        self.frame_max
+    }
+
+    /// Adds a frame; drops and counts it if it is too long or its sender has too many queued.
     pub(super) fn push(&self, from: NodeId, frame: Bytes) {
+        if frame.len() > self.frame_max {
+            return self.count_too_long();
+        }
         let mut queue = self.lock();
         let queued = queue.by_drone.entry(from).or_default();
         if *queued >= QUEUED_MAX {
@@ -52,6 +77,16 @@ impl Inbox {
         Some((from, frame))
     }
 
+    /// Counts a frame that was not read to its end because of its length.
+    pub(super) fn count_too_long(&self) {
+        self.too_long.fetch_add(1, Ordering::Relaxed);
+    }
+
+    /// Number of frames dropped because of their length.
+    pub(super) fn too_long(&self) -> u64 {
+        self.too_long.load(Ordering::Relaxed)
+    }
+
     /// Number of frames dropped because the queue was full.
     pub(super) fn overflowed(&self) -> u64 {
         self.lock().overflowed
@@ -75,7 +110,7 @@ mod tests {
 
     #[test]
     fn flood_of_one_drone_does_not_displace_frames_of_others() {
-        let inbox = Inbox::default();
+        let inbox = Inbox::new(64);
         for _ in 0..1_000 {
             inbox.push(NodeId(1), Bytes::from_static(b"flood"));
         }
@@ -86,6 +121,15 @@ mod tests {
         assert_eq!(popped.last(), Some(&Bytes::from_static(b"once")));
         assert!(inbox.lock().by_drone.is_empty());
         inbox.push(NodeId(1), Bytes::from_static(b"after the flood"));
+        assert!(inbox.pop().is_some());
+    }
+
+    #[test]
+    fn frames_above_the_limit_are_dropped_and_counted() {
+        let inbox = Inbox::new(4);
+        inbox.push(NodeId(1), Bytes::from_static(b"12345"));
+        assert_eq!((inbox.pop(), inbox.too_long()), (None, 1));
+        inbox.push(NodeId(1), Bytes::from_static(b"1234"));
         assert!(inbox.pop().is_some());
     }
 }

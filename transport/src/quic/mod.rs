@@ -17,6 +17,7 @@ mod identity;
 mod inbox;
 mod links;
 mod operator;
+mod operators;
 mod rate_limit;
 mod stream;
 mod tls;
@@ -36,7 +37,7 @@ use muster_machines::identity::{NodeId, SwarmId};
 use muster_machines::radio::Source;
 use muster_machines::time::Timestamp;
 use quinn::{Endpoint, EndpointConfig, MtuDiscoveryConfig, TokioRuntime, TransportConfig};
-use tokio::sync::{Semaphore, mpsc};
+use tokio::sync::mpsc;
 use tokio::task::JoinSet;
 use tokio::time::timeout;
 
@@ -46,9 +47,10 @@ pub use stream::Stream;
 pub use tls::Refusal;
 
 use self::discovery::OwnBeacons;
-use self::hub::{Hub, OPERATORS_MAX};
+use self::hub::Hub;
 use self::inbox::Inbox;
 use self::links::{Links, OVER};
+use self::operators::Operators;
 use self::tls::{OPERATOR, Refusals, Trust, swarm_protocol};
 use crate::sockets::{self, Clock, Counters, OpenError, Reach};
 use crate::{Arrival, Destination, Event, SendError, Transport};
@@ -169,7 +171,7 @@ impl QuicTransport {
             own.try_clone()?,
             Arc::new(TokioRuntime),
         )?;
-        let (sender, streams) = mpsc::channel(OPERATORS_MAX);
+        let (operators, streams) = Operators::new();
         let hub = Hub {
             id: network.id,
             protocol,
@@ -177,14 +179,11 @@ impl QuicTransport {
             clock,
             endpoint,
             client,
-            datagram_max: network.datagram_max,
             links: Links::default(),
-            inbox: Inbox::default(),
+            inbox: Inbox::new(network.datagram_max),
             refusals,
-            too_long: AtomicU64::new(0),
             beacons_refused: AtomicU64::new(0),
-            operators: Semaphore::new(OPERATORS_MAX),
-            streams: sender,
+            operators,
         };
         Ok(Self {
             address: own.local_addr()?,
@@ -250,7 +249,7 @@ impl QuicTransport {
     #[must_use]
     pub fn counters(&self) -> Counters {
         Counters {
-            too_long: self.hub.too_long.load(Ordering::Relaxed),
+            too_long: self.hub.inbox.too_long(),
             ..self.counters
         }
     }
