@@ -324,9 +324,9 @@ impl Controller {
         }
         if self.firmware.is_armed() {
             let rates = self.sensors.rates(step, &self.aircraft.body);
-            self.firmware.duties(rates);
+            self.firmware.stabilise(rates);
         } else {
-            self.firmware.test_duties();
+            self.firmware.run_motor_test();
         }
     }
 

@@ -3,6 +3,7 @@
 pub(crate) mod altitude;
 pub(crate) mod arming;
 pub(crate) mod failsafe;
+pub(crate) mod motors;
 pub(crate) mod power;
 pub(crate) mod receiver;
 pub(crate) mod settings;
@@ -15,19 +16,17 @@ use nalgebra::Vector3;
 use self::altitude::{AltitudeEstimate, Altitudes};
 use self::arming::{Arming, Conditions};
 use self::failsafe::Failsafe;
+use self::motors::Motors;
 use self::power::PowerMonitor;
-use self::receiver::{CENTRE_US, FLIGHT_CHANNELS, Look, PITCH, ROLL, Raw, Receiver, THROTTLE, YAW};
+use self::receiver::{FLIGHT_CHANNELS, Look, Raw, Receiver, THROTTLE};
 use self::settings::Settings;
-use self::stabiliser::{Stabiliser, Sticks};
+use self::stabiliser::{Setpoint, Stabiliser};
 
 /// Time between two looks at receiver, failsafe, arming and attitude, in milliseconds: Betaflight's tasks at 100 Hz.
 pub(crate) const TICK_MS: u64 = 10;
 
 /// Throttle below which it is low, in µs (`min_check`).
 pub(crate) const THROTTLE_LOW_US: u16 = 1_050;
-
-/// Full throttle, in µs.
-const THROTTLE_FULL_US: f64 = 2_000.0;
 
 /// What the sensors say at a tick.
 #[derive(Debug, Clone, Copy)]
@@ -51,11 +50,9 @@ pub(crate) struct Firmware {
     pub(crate) power: PowerMonitor,
     pub(crate) altitude: AltitudeEstimate,
     angles_rad: [f64; 3],
-    sticks: Sticks,
-    is_angle_on: bool,
-    /// What `SET_MOTOR` asks of a disarmed aircraft, as duty cycles.
-    motor_test: [f64; 4],
-    duties: [f64; 4],
+    /// What the stabiliser is to reach until the next tick.
+    setpoint: Setpoint,
+    motors: Motors,
     /// Where it armed.
     home: Option<Ned>,
     last_tick: Option<u64>,
@@ -71,10 +68,8 @@ impl Firmware {
             power: PowerMonitor::new(settings.cell),
             altitude: AltitudeEstimate::default(),
             angles_rad: [0.0; 3],
-            sticks: Sticks::default(),
-            is_angle_on: false,
-            motor_test: [0.0; 4],
-            duties: [0.0; 4],
+            setpoint: Setpoint::default(),
+            motors: Motors::default(),
             home: None,
             last_tick: None,
             settings,
@@ -91,8 +86,7 @@ impl Firmware {
             self.stabiliser.reset();
             self.home = measured.place;
         }
-        self.sticks = sticks(self.receiver.channels());
-        self.is_angle_on = self.is_active(Mode::Angle);
+        self.setpoint = Setpoint::of(self.receiver.channels(), self.is_active(Mode::Angle));
         #[expect(clippy::cast_precision_loss, reason = "below 2^53")]
         let span_s = (now - self.last_tick.unwrap_or(0)).max(1) as f64 / 1_000.0;
         self.last_tick = Some(now);
@@ -133,34 +127,30 @@ impl Firmware {
         self.arming.update(now, &conditions, has_frame);
     }
 
-    /// Duty cycles of the motors, every millisecond.
+    /// Turns the motors of an armed aircraft, every millisecond.
     #[inline]
-    pub(crate) fn duties(&mut self, rates_rad_s: Vector3<f64>) -> [f64; 4] {
+    pub(crate) fn stabilise(&mut self, rates_rad_s: Vector3<f64>) {
         let [roll, pitch, _] = self.angles_rad;
-        let angles_rad = self.is_angle_on.then_some([roll, pitch]);
-        self.duties = self
+        let duties = self
             .stabiliser
-            .duties(&self.sticks, angles_rad, rates_rad_s);
-        self.duties
+            .duties(&self.setpoint, [roll, pitch], rates_rad_s);
+        self.motors.drive(duties);
     }
 
-    /// Duty cycles of a disarmed aircraft's motors.
-    pub(crate) fn test_duties(&mut self) -> [f64; 4] {
-        self.duties = self.motor_test;
-        self.duties
+    /// Turns the motors of a disarmed aircraft as they are tested.
+    pub(crate) fn run_motor_test(&mut self) {
+        self.motors.drive_test();
     }
 
     /// Sets the motors of a disarmed aircraft, in µs from 1,000 to 2,000. They turn until they are set to 1,000. What is set
     /// while armed counts from disarming on.
     pub(crate) fn test_motors(&mut self, outputs_us: &[u16]) {
-        for (duty, output_us) in self.motor_test.iter_mut().zip(outputs_us) {
-            *duty = ((f64::from(*output_us) - 1_000.0) / 1_000.0).clamp(0.0, 1.0);
-        }
+        self.motors.set_test(outputs_us);
     }
 
     /// The last duty cycles.
     pub(crate) fn last_duties(&self) -> &[f64; 4] {
-        &self.duties
+        self.motors.duties()
     }
 
     pub(crate) fn is_armed(&self) -> bool {
@@ -210,19 +200,5 @@ impl Firmware {
     /// Takes a frame of the companion's.
     pub(crate) fn receive(&mut self, now: u64, raw: Raw) {
         self.receiver.receive(now, raw);
-    }
-}
-
-fn sticks(channels: &[u16; settings::CHANNELS]) -> Sticks {
-    let deflection = |channel: usize| {
-        let from_centre = f64::from(channels[channel]) - f64::from(CENTRE_US);
-        (from_centre / 500.0).clamp(-1.0, 1.0)
-    };
-    let low = f64::from(THROTTLE_LOW_US);
-    let throttle = (f64::from(channels[THROTTLE]) - low) / (THROTTLE_FULL_US - low);
-    Sticks {
-        // The pitch stick up is nose down.
-        deflections: [deflection(ROLL), -deflection(PITCH), deflection(YAW)],
-        throttle: throttle.clamp(0.0, 1.0),
     }
 }

@@ -1,11 +1,13 @@
-//! Rate and angle controllers, and the mixer: from sticks and gyro to duty cycles.
+//! Rate and angle controllers, and the mixer: from setpoint and gyro to duty cycles.
 //!
 //! Structure and scales: Betaflight 4.5, `flight/pid.c`, `flight/pid.h`, `fc/rc.c` and `flight/mixer.c`. Left out: feedforward,
 //! smoothing of sticks, TPA, D boost, anti-gravity, notch filters.
 
 use nalgebra::Vector3;
 
-use super::settings::Tuning;
+use super::THROTTLE_LOW_US;
+use super::receiver::{CENTRE_US, PITCH, ROLL, THROTTLE, YAW};
+use super::settings::{CHANNELS, Tuning};
 use crate::aircraft::STEP_S;
 use crate::body::ROTORS;
 
@@ -35,12 +37,36 @@ const RELAX_DPS: f64 = 40.0;
 /// Share of the throttle from which the motors stabilise at low throttle, too (`airmode_start_throttle_percent`).
 const AIRMODE_THROTTLE: f64 = 0.25;
 
-/// Orders of the pilot or the companion: deflections from -1 to 1, roll to the right, pitch nose up, yaw clockwise; throttle
-/// from 0 to 1.
+/// Full throttle, in µs.
+const THROTTLE_FULL_US: f64 = 2_000.0;
+
+/// What the aircraft is to do, by the pilot, the companion or the failsafe.
 #[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Sticks {
-    pub(crate) deflections: [f64; 3],
-    pub(crate) throttle: f64,
+pub(crate) struct Setpoint {
+    /// From -1 to 1: roll to the right, pitch nose up, yaw clockwise.
+    deflections: [f64; 3],
+    /// From 0 to 1.
+    throttle: f64,
+    /// Whether deflections of roll and pitch are angles, else rates: angle mode.
+    is_angle_on: bool,
+}
+
+impl Setpoint {
+    /// From channels in µs, roll, pitch, yaw and throttle first.
+    pub(crate) fn of(channels: &[u16; CHANNELS], is_angle_on: bool) -> Self {
+        let deflection = |channel: usize| {
+            let from_centre = f64::from(channels[channel]) - f64::from(CENTRE_US);
+            (from_centre / 500.0).clamp(-1.0, 1.0)
+        };
+        let low = f64::from(THROTTLE_LOW_US);
+        let throttle = (f64::from(channels[THROTTLE]) - low) / (THROTTLE_FULL_US - low);
+        Self {
+            // The pitch stick up is nose down.
+            deflections: [deflection(ROLL), -deflection(PITCH), deflection(YAW)],
+            throttle: throttle.clamp(0.0, 1.0),
+            is_angle_on,
+        }
+    }
 }
 
 #[derive(Debug, Clone)]
@@ -71,25 +97,29 @@ impl Stabiliser {
         *self = Self::new(self.tuning);
     }
 
-    /// Duty cycles of the motors for a step. `angles_rad` is roll and pitch if angle mode is on.
+    /// Duty cycles of the motors for a step. `angles_rad` is roll and pitch.
     #[inline]
     pub(crate) fn duties(
         &mut self,
-        sticks: &Sticks,
-        angles_rad: Option<[f64; 2]>,
+        setpoint: &Setpoint,
+        angles_rad: [f64; 2],
         rates_rad_s: Vector3<f64>,
     ) -> [f64; 4] {
         let rates_dps = rates_rad_s * (180.0 / std::f64::consts::PI);
-        self.is_airborne_once |= sticks.throttle >= AIRMODE_THROTTLE;
+        self.is_airborne_once |= setpoint.throttle >= AIRMODE_THROTTLE;
         let slope = (rates_dps - self.last_rates_dps) / STEP_S;
         self.last_rates_dps = rates_dps;
         self.derivative += (slope - self.derivative) * (STEP_S / (DERIVATIVE_LAG_S + STEP_S));
-        if sticks.throttle <= 0.0 && !self.is_airborne_once {
+        if setpoint.throttle <= 0.0 && !self.is_airborne_once {
             self.integral = Vector3::zeros();
             return [self.tuning.idle; 4];
         }
-        let goal_dps = self.goal_dps(sticks, angles_rad);
-        let relax_dps = angles_rad.map_or(RELAX_DPS, |_| RELAX_ANGLE_DPS);
+        let goal_dps = self.goal_dps(setpoint, angles_rad);
+        let relax_dps = if setpoint.is_angle_on {
+            RELAX_ANGLE_DPS
+        } else {
+            RELAX_DPS
+        };
         let shares = self.integrated_shares(goal_dps, relax_dps);
         let mut sums = [0.0; 3];
         for axis in 0..3 {
@@ -102,7 +132,7 @@ impl Stabiliser {
                 - D_SCALE * gains.d * self.derivative[axis];
             sums[axis] = sum.clamp(-SUM_MAX[axis], SUM_MAX[axis]) / 1_000.0;
         }
-        mix(sums, sticks.throttle, self.tuning.idle)
+        mix(sums, setpoint.throttle, self.tuning.idle)
     }
 
     /// Shares of the errors that are integrated: less while the goals of roll and pitch change fast (`iterm_relax = RP`).
@@ -117,12 +147,12 @@ impl Stabiliser {
     }
 
     /// Rates to reach, in °/s. In angle mode: the error's share.
-    fn goal_dps(&self, sticks: &Sticks, angles_rad: Option<[f64; 2]>) -> [f64; 3] {
+    fn goal_dps(&self, setpoint: &Setpoint, angles_rad: [f64; 2]) -> [f64; 3] {
         let tuning = &self.tuning;
-        let mut goal_dps = sticks.deflections.map(|it| tuning.rate_dps(it));
-        let Some(angles_rad) = angles_rad else {
+        let mut goal_dps = setpoint.deflections.map(|it| tuning.rate_dps(it));
+        if !setpoint.is_angle_on {
             return goal_dps;
-        };
+        }
         for (axis, angle_rad) in angles_rad.into_iter().enumerate() {
             let angle_deg = tuning.angle_limit_deg * goal_dps[axis] / tuning.max_rate_dps;
             goal_dps[axis] = (angle_deg - angle_rad.to_degrees()) * tuning.angle_p / 10.0;
@@ -189,15 +219,15 @@ mod tests {
     fn motors_idle_at_low_throttle_until_the_first_take_off() {
         let mut stabiliser = Stabiliser::new(Tuning::default());
         let rates = Vector3::new(1.0, 0.0, 0.0);
-        let low = Sticks::default();
-        let idle = stabiliser.duties(&low, None, rates);
+        let low = Setpoint::default();
+        let idle = stabiliser.duties(&low, [0.0; 2], rates);
         assert!(idle.iter().all(|duty| (duty - 0.055).abs() < 1e-12));
-        let high = Sticks {
+        let high = Setpoint {
             throttle: 0.3,
             ..low
         };
-        stabiliser.duties(&high, None, rates);
-        let airmode = stabiliser.duties(&low, None, rates);
+        stabiliser.duties(&high, [0.0; 2], rates);
+        let airmode = stabiliser.duties(&low, [0.0; 2], rates);
         // It turns to the right: the right rotors push against it.
         assert!(airmode[0] > airmode[2]);
     }
