@@ -50,7 +50,8 @@ pub struct Row {
 
 impl Row {
     fn new(seed: u64, outcome: &Outcome, exact_s: f64, undisturbed_s: f64) -> Self {
-        let faults = outcome.touches.iter().filter(|it| it.is_fault()).count();
+        let touches = outcome.clearance.touches();
+        let faults = touches.iter().filter(|it| it.is_fault()).count();
         let time_s = outcome.time.as_secs_f64();
         Self {
             seed,
@@ -59,11 +60,11 @@ impl Row {
             times: time_s / exact_s,
             times_alone: time_s / undisturbed_s,
             seen: outcome.seen(),
-            clearance_m: outcome.least_clearance_m,
-            touches: [faults, outcome.touches.len() - faults],
+            clearance_m: outcome.clearance.least_m(),
+            touches: [faults, touches.len() - faults],
             has_landed: outcome.has_landed,
             given_up: outcome.given_up.len(),
-            error_p95_m: outcome.error_m(0.95),
+            error_p95_m: outcome.track.error_m(0.95),
             blind_motions: outcome.blind_motions,
         }
     }

@@ -128,17 +128,15 @@ pub fn patrol(prepared: &Prepared, campaign: &Campaign, first: &Outcome, command
 fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
     let drawing = Drawing::new(&prepared.flat.map);
     let seed = campaign.rows.first().map_or(0, |row| row.seed);
-    let track: Vec<MapXy> = first.track.iter().map(|sample| sample.pose.at).collect();
-    let believed: Vec<MapXy> = first
-        .track
-        .iter()
-        .map(|sample| sample.believed.at)
-        .collect();
-    let people = first.track.first().map_or(0, |sample| sample.people.len());
+    let samples = first.track.samples();
+    let track: Vec<MapXy> = samples.iter().map(|sample| sample.pose.at).collect();
+    let believed: Vec<MapXy> = samples.iter().map(|sample| sample.believed.at).collect();
+    let people = samples.first().map_or(0, |sample| sample.people.len());
     let walks = (0..people).map(|person| {
-        let at = first.track.iter().map(|sample| sample.people[person]);
+        let at = samples.iter().map(|sample| sample.people[person]);
         at.collect::<Vec<_>>()
     });
+    let touches = first.clearance.touches();
     let targets = prepared.visible.targets();
     let unseen = first
         .unseen_targets
@@ -149,8 +147,8 @@ fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
             h2 { "Seed " (seed) }
             p.about {
                 "It took " (figure(first.time.as_secs_f64(), 1)) " s, saw " (figure(100.0 * first.seen(), 2)) " % of what can be seen, "
-                "and kept " (figure(first.least_clearance_m, 2)) " m from walls and people. "
-                (plural(first.touches.len(), "touch").replace("touchs", "touches")) "."
+                "and kept " (figure(first.clearance.least_m(), 2)) " m from walls and people. "
+                (plural(touches.len(), "touch").replace("touchs", "touches")) "."
             }
             (drawing.svg(&html! {
                 (drawing.squares(unseen, "unseen"))
@@ -158,7 +156,7 @@ fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
                 (drawing.line(&believed, "believed"))
                 (drawing.line(&track, "path s0"))
                 @for (number, stop) in (1..).zip(&prepared.config.stops) { (drawing.stop(*stop, number, 0)) }
-                @for touch in &first.touches { (drawing.dot(touch.place, 7.0, "touch")) }
+                @for touch in touches { (drawing.dot(touch.place, 7.0, "touch")) }
                 (drawing.ends(&track))
             }))
             ul.legend {
@@ -166,7 +164,7 @@ fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
                 li { span.chip.believed {} "where it took itself to be" }
                 li { span.chip.walk {} "people" }
                 li { span.chip.unseen {} "not seen" }
-                @if !first.touches.is_empty() { li { span.chip.touch {} "touch" } }
+                @if !touches.is_empty() { li { span.chip.touch {} "touch" } }
             }
         }
     }

@@ -17,7 +17,7 @@ use muster_machines::machine::{Emitted, Stimulus};
 use muster_machines::time::Timestamp;
 use rand_chacha::ChaCha8Rng;
 
-pub use self::outcome::{Outcome, Sample};
+pub use self::outcome::{Clearance, Outcome, Sample, Track};
 pub use crate::failing::Failing;
 pub use crate::rule::{CLEARANCE_M, Touch, Touched};
 
@@ -160,7 +160,6 @@ pub struct World {
     due: VecDeque<Input>,
     deadline: Option<Timestamp>,
     seen: Seen,
-    touching: bool,
     outcome: Outcome,
 }
 
@@ -190,7 +189,6 @@ impl World {
             due: VecDeque::new(),
             deadline: Some(Timestamp::ZERO),
             seen: Seen::none(visible.targets().len()),
-            touching: false,
             outcome: Outcome::new(config, visible),
             prepared: prepared.clone(),
             setup,
@@ -289,7 +287,9 @@ impl World {
         }
         if self.tick.is_multiple_of(SAMPLE_TICKS) {
             let people = self.people.iter().map(|person| person.at).collect();
-            self.outcome.sample(self.now(), self.robot.pose, people);
+            self.outcome
+                .track
+                .sample(self.now(), self.robot.pose, people);
         }
         let missing = self.seen.missing(self.prepared.visible.visible());
         self.outcome.progress(self.now(), missing, DURATION_MAX);
@@ -340,17 +340,12 @@ impl World {
             }
         }
         let (clearance_m, what) = nearest;
-        self.outcome.least_clearance_m = self.outcome.least_clearance_m.min(clearance_m);
-        let touches = clearance_m < CLEARANCE_M;
-        if touches && !self.touching {
-            self.outcome.touches.push(Touch {
-                what,
-                at: self.now(),
-                place: drone,
-                clearance_m,
-            });
-        }
-        self.touching = touches;
+        self.outcome.clearance.measure(Touch {
+            what,
+            at: self.now(),
+            place: drone,
+            clearance_m,
+        });
     }
 
     /// The drone's velocity along x and y, in m/s.

@@ -21,7 +21,12 @@ fn prepared(name: &str) -> Prepared {
 
 fn check_safe(outcome: &Outcome, what: &str) {
     assert!(outcome.is_done && !outcome.has_landed, "{what}");
-    assert!(!outcome.is_at_fault(), "{what}: {:?}", outcome.touches);
+    let clearance = &outcome.clearance;
+    assert!(
+        !clearance.is_at_fault(),
+        "{what}: {:?}",
+        clearance.touches()
+    );
     assert_eq!(outcome.blind_motions, 0, "{what}");
 }
 
@@ -37,7 +42,7 @@ fn patrols_of_all_flats_touch_nothing_see_all_and_keep_their_time_and_their_pose
             assert!(outcome.seen() >= SEEN_MIN, "{what}: {}", outcome.seen());
             let times = outcome.time.as_secs_f64() / exact.time.as_secs_f64();
             assert!(times <= TIMES_MAX, "{what}: {times}");
-            let error_m = outcome.error_m(0.95);
+            let error_m = outcome.track.error_m(0.95);
             assert!(error_m <= ERROR_P95_M, "{what}: {error_m}");
         }
     }

@@ -8,7 +8,7 @@ use muster_indoor::patrol::{Config, Event, SonarChange, Velocity};
 use muster_indoor::reading::Mounting;
 use muster_machines::time::Timestamp;
 
-use super::{Setup, Touch};
+use super::{CLEARANCE_M, Setup, Touch};
 
 /// Speed below which a drone hovers, in m/s.
 const HOVERS_MPS: f64 = 1e-6;
@@ -28,6 +28,106 @@ pub struct Sample {
     pub people: Vec<MapXy>,
 }
 
+/// Where the drone was, and where it took itself to be.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Track {
+    /// Where it takes itself to be at present.
+    believed: MapPose,
+    samples: Vec<Sample>,
+    /// One a step, in metres.
+    errors_m: Vec<f64>,
+}
+
+impl Track {
+    const fn new(start: MapPose) -> Self {
+        Self {
+            believed: start,
+            samples: Vec::new(),
+            errors_m: Vec::new(),
+        }
+    }
+
+    /// Twice a second, in order.
+    #[must_use]
+    pub fn samples(&self) -> &[Sample] {
+        &self.samples
+    }
+
+    /// The error of the believed position that a share of the steps stays below, in metres; 0 without steps.
+    #[must_use]
+    pub fn error_m(&self, share: f64) -> f64 {
+        let mut sorted = self.errors_m.clone();
+        sorted.sort_by(f64::total_cmp);
+        let at = (sorted.len() as f64 * share).ceil() as usize;
+        sorted.get(at.saturating_sub(1)).copied().unwrap_or(0.0)
+    }
+
+    /// The drone takes itself to be at `believed` while it is at `pose`.
+    fn believes(&mut self, believed: MapPose, pose: MapPose) {
+        self.believed = believed;
+        self.errors_m.push(believed.at.distance_m(pose.at));
+    }
+
+    pub(super) fn sample(&mut self, at: Timestamp, pose: MapPose, people: Vec<MapXy>) {
+        let believed = self.believed;
+        self.samples.push(Sample {
+            at,
+            pose,
+            believed,
+            people,
+        });
+    }
+}
+
+/// How far the drone stayed from walls and people.
+///
+/// Invariant: each time that the clearance became less than [`CLEARANCE_M`] is one touch, however long it lasted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Clearance {
+    least_m: f64,
+    touches: Vec<Touch>,
+    /// Whether it was less when it was measured last.
+    is_touching: bool,
+}
+
+impl Clearance {
+    const fn unmeasured() -> Self {
+        Self {
+            least_m: f64::INFINITY,
+            touches: Vec::new(),
+            is_touching: false,
+        }
+    }
+
+    /// Least distance from walls and people, in metres; at most 1 m is measured.
+    #[must_use]
+    pub const fn least_m(&self) -> f64 {
+        self.least_m
+    }
+
+    /// Each time that the clearance became too small.
+    #[must_use]
+    pub fn touches(&self) -> &[Touch] {
+        &self.touches
+    }
+
+    /// Whether the drone caused a touch.
+    #[must_use]
+    pub fn is_at_fault(&self) -> bool {
+        self.touches.iter().any(Touch::is_fault)
+    }
+
+    /// Takes in the clearance of what is nearest, which is a touch if it is too small.
+    pub(super) fn measure(&mut self, nearest: Touch) {
+        self.least_m = self.least_m.min(nearest.clearance_m);
+        let is_touching = nearest.clearance_m < CLEARANCE_M;
+        if is_touching && !self.is_touching {
+            self.touches.push(nearest);
+        }
+        self.is_touching = is_touching;
+    }
+}
+
 /// What came of a patrol.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Outcome {
@@ -41,10 +141,8 @@ pub struct Outcome {
     pub unseen: usize,
     /// Which these are.
     pub unseen_targets: Vec<usize>,
-    /// Least distance from walls and people, in metres; at most 1 m is measured.
-    pub least_clearance_m: f64,
-    /// Each time that the clearance became too small.
-    pub touches: Vec<Touch>,
+    /// How far the drone stayed from walls and people.
+    pub clearance: Clearance,
     /// Whether it ended the patrol early and landed, since no sonar worked.
     pub has_landed: bool,
     /// Stops that were given up.
@@ -53,11 +151,8 @@ pub struct Outcome {
     pub sonars: Vec<(Timestamp, SonarChange)>,
     /// Motions into a direction that no working sonar looked along, later than `FOUND_WITHIN` after a sonar failed.
     pub blind_motions: u64,
-    /// Errors of the believed position, one a step, in metres.
-    pub errors_m: Vec<f64>,
-    /// The track, twice a second.
-    pub track: Vec<Sample>,
-    believed: MapPose,
+    /// Where the drone was.
+    pub track: Track,
     timed_out: bool,
 }
 
@@ -70,15 +165,12 @@ impl Outcome {
             visible,
             unseen: visible,
             unseen_targets: Vec::new(),
-            least_clearance_m: f64::INFINITY,
-            touches: Vec::new(),
+            clearance: Clearance::unmeasured(),
             has_landed: false,
             given_up: Vec::new(),
             sonars: Vec::new(),
             blind_motions: 0,
-            errors_m: Vec::new(),
-            track: Vec::new(),
-            believed: config.start,
+            track: Track::new(config.start),
             timed_out: false,
         }
     }
@@ -89,31 +181,13 @@ impl Outcome {
         1.0 - self.unseen as f64 / self.visible.max(1) as f64
     }
 
-    /// Whether the drone caused a touch.
-    #[must_use]
-    pub fn is_at_fault(&self) -> bool {
-        self.touches.iter().any(Touch::is_fault)
-    }
-
-    /// The error of the believed position that a share of the steps stays below, in metres; 0 without steps.
-    #[must_use]
-    pub fn error_m(&self, share: f64) -> f64 {
-        let mut sorted = self.errors_m.clone();
-        sorted.sort_by(f64::total_cmp);
-        let at = (sorted.len() as f64 * share).ceil() as usize;
-        sorted.get(at.saturating_sub(1)).copied().unwrap_or(0.0)
-    }
-
     pub(super) const fn is_over(&self) -> bool {
         self.is_done || self.timed_out
     }
 
     pub(super) fn observe(&mut self, now: Timestamp, event: Event, pose: MapPose) {
         match event {
-            Event::Checkpoint(checkpoint) => {
-                self.believed = checkpoint.pose;
-                self.errors_m.push(checkpoint.pose.at.distance_m(pose.at));
-            }
+            Event::Checkpoint(checkpoint) => self.track.believes(checkpoint.pose, pose),
             Event::Remaining(remaining) => self.is_done |= remaining.is_done,
             Event::Sonar(change) => self.sonars.push((now, change)),
             Event::GivenUp(stop) => self.given_up.push(stop),
@@ -125,16 +199,6 @@ impl Outcome {
         self.unseen = unseen;
         self.time = now.since(Timestamp::ZERO);
         self.timed_out = self.time >= duration_max;
-    }
-
-    pub(super) fn sample(&mut self, at: Timestamp, pose: MapPose, people: Vec<MapXy>) {
-        let believed = self.believed;
-        self.track.push(Sample {
-            at,
-            pose,
-            believed,
-            people,
-        });
     }
 
     /// Counts a motion into a direction along which no sonar that works looks.
@@ -160,5 +224,26 @@ impl Outcome {
             off_rad <= mounting.aperture_rad / 2.0 + 1e-9 && !is_known_to_fail(place)
         };
         self.blind_motions += u64::from(!sonars.iter().enumerate().any(looks));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::rule::Touched;
+
+    #[test]
+    fn touch_that_lasts_counts_once() {
+        let mut clearance = Clearance::unmeasured();
+        for clearance_m in [0.5, 0.1, 0.05, 0.2, 0.1] {
+            clearance.measure(Touch {
+                what: Touched::Wall,
+                at: Timestamp::ZERO,
+                place: MapXy::new(1.0, 2.0),
+                clearance_m,
+            });
+        }
+        let touches = clearance.touches().len();
+        assert_eq!((touches, clearance.least_m()), (2, 0.05));
     }
 }

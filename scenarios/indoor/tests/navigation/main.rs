@@ -85,8 +85,11 @@ fn a_navigation_that_crashes_goes_on_from_its_pose_and_the_patrol_ends() {
     let mut complete = 0;
     for seed in 0..6 {
         let outcome = patrol(with_noise(seed), &crashes);
-        assert!(outcome.is_done && !outcome.is_at_fault(), "seed {seed}");
-        assert!(outcome.error_m(0.95) < 0.25, "seed {seed}");
+        assert!(
+            outcome.is_done && !outcome.clearance.is_at_fault(),
+            "seed {seed}"
+        );
+        assert!(outcome.track.error_m(0.95) < 0.25, "seed {seed}");
         complete += u32::from(outcome.seen() >= SEEN_MIN);
     }
     assert!(complete >= 5, "{complete} of 6");
