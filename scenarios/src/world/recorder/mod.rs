@@ -1,13 +1,14 @@
 //! Records of a swarm's flight.
 
+mod agents;
 mod contact;
 mod elections;
 mod history;
 mod milestones;
 mod record;
+mod traffic;
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::hint::black_box;
 
 use muster_machines::agent::Observed;
 use muster_machines::identity::NodeId;
@@ -17,6 +18,7 @@ use muster_machines::radio::{self, DropReason};
 use muster_machines::routing;
 use muster_machines::time::Timestamp;
 
+use self::agents::AgentReports;
 use self::contact::Contact;
 pub(crate) use self::elections::Election;
 use self::elections::Elections;
@@ -25,6 +27,7 @@ use self::milestones::Milestones;
 pub(crate) use self::milestones::{Change, Crossing};
 pub(crate) use self::record::Record;
 use self::record::is_in_discovery_or_beyond;
+use self::traffic::{Frames, Traffic, TrafficCounts};
 use crate::segments::Segments;
 
 /// The records of a swarm's drones and relays, and of what they did together.
@@ -38,103 +41,60 @@ pub(crate) struct Recorder {
     drones: usize,
     nodes: Vec<Record>,
     /// Apart from the records, since it changes with each frame.
-    traffic: Vec<Traffic>,
+    traffic: TrafficCounts,
     milestones: Milestones,
     elections: Elections,
     contact: Contact,
-    frames: Frames,
-    dropped: BTreeMap<DropReason, u64>,
     has_flown: bool,
-    /// Values that agents have reported, in order of time; at most [`OBSERVED_MAX`].
-    observed: Vec<(Timestamp, NodeId, Observed)>,
-    /// Failures of agents, in order of time; at most [`OBSERVED_MAX`].
-    agent_failures: Vec<(Timestamp, NodeId, String)>,
+    agents: AgentReports,
     history: History,
-}
-
-/// Frames sent by all nodes of a swarm.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Frames {
-    /// Sent because of a change or a loss.
-    pub(crate) news: u64,
-    /// Sent because a period elapsed.
-    pub(crate) keep_alives: u64,
-    /// Sent again by the medium without an acknowledgement; of all swarms.
-    pub(crate) retries: u64,
-}
-
-/// Frames sent and admitted from the start of neighbour discovery to the end of the landing; by a relay, all.
-#[derive(Debug, Clone, Copy, Default)]
-pub(crate) struct Traffic {
-    pub(crate) sent: u64,
-    pub(crate) received: u64,
-    /// Whether frames count at present.
-    counts: bool,
 }
 
 impl Recorder {
     /// For this many drones, and this many drones and relays, numbered from `first` on.
     pub(super) fn new(first: NodeId, (drones, nodes): (u32, u32), centre: NodeId) -> Self {
         let (drones, nodes) = (drones as usize, nodes as usize);
-        let traffic = |node| Traffic {
-            // A relay works from the start.
-            counts: node >= drones,
-            ..Traffic::default()
-        };
         Self {
             first,
             centre,
             drones,
             nodes: vec![Record::new(); nodes],
-            traffic: (0..nodes).map(traffic).collect(),
+            traffic: TrafficCounts::new(drones, nodes),
             milestones: Milestones::default(),
             elections: Elections::default(),
             contact: Contact::new(nodes),
-            frames: Frames::default(),
-            dropped: BTreeMap::new(),
             has_flown: false,
-            observed: Vec::new(),
-            agent_failures: Vec::new(),
+            agents: AgentReports::default(),
             history: History::default(),
         }
     }
 }
 
-/// Most values, and most failures, of agents that a recorder keeps. More are dropped.
-const OBSERVED_MAX: usize = 100_000;
-
 /// What happens.
 impl Recorder {
     /// Failures of agents, in order of time.
     pub(crate) fn agent_failures(&self) -> &[(Timestamp, NodeId, String)] {
-        &self.agent_failures
+        self.agents.failures()
     }
 
     /// Values that agents have reported, in order of time.
     pub(crate) fn observed(&self) -> &[(Timestamp, NodeId, Observed)] {
-        &self.observed
+        self.agents.observed()
     }
 
     /// A node sends a frame.
     pub(super) fn sent(&mut self, id: NodeId, keep_alive: bool) {
-        if keep_alive {
-            self.frames.keep_alives += 1;
-        } else {
-            self.frames.news += 1;
-        }
-        let traffic = self.traffic_mut(id);
-        traffic.sent += u64::from(traffic.counts);
+        self.traffic.sent(self.index(id), keep_alive);
     }
 
     /// A node admits a frame.
     pub(super) fn received(&mut self, id: NodeId) {
-        let traffic = self.traffic_mut(id);
-        traffic.received += u64::from(traffic.counts);
+        self.traffic.received(self.index(id));
     }
 
     /// How often the medium has sent a frame again so far.
     pub(super) const fn retried(&mut self, retries: u64) {
-        self.frames.retries = retries;
+        self.traffic.retried(retries);
     }
 
     pub(super) fn armed(&mut self, id: NodeId, now: Timestamp) {
@@ -144,7 +104,7 @@ impl Recorder {
 
     pub(super) fn disarmed(&mut self, id: NodeId, now: Timestamp) {
         self.record(id).disarmed = Some(now);
-        self.traffic_mut(id).counts = false;
+        self.traffic.end(self.index(id));
         self.milestones.landed();
     }
 
@@ -218,7 +178,7 @@ impl Recorder {
     pub(super) fn mission(&mut self, now: Timestamp, id: NodeId, event: &mission::Event) {
         match *event {
             mission::Event::State(state) => {
-                let sent = self.frames;
+                let sent = self.traffic.total();
                 let record = self.record(id);
                 let before = record.states.last().map(|(_, state)| *state);
                 record.states.push((now, state));
@@ -226,7 +186,9 @@ impl Recorder {
                 if self.is_landing(id) {
                     self.record(id).landed_under.get_or_insert(leader);
                 }
-                self.traffic_mut(id).counts |= is_in_discovery_or_beyond(state);
+                if is_in_discovery_or_beyond(state) {
+                    self.traffic.begin(self.index(id));
+                }
                 self.milestones.enters(now, before, state, sent);
             }
             mission::Event::Landing(reason) => {
@@ -240,12 +202,8 @@ impl Recorder {
                     self.elections.led(now);
                 }
             }
-            mission::Event::AgentFailed(ref what) if self.agent_failures.len() < OBSERVED_MAX => {
-                self.agent_failures.push((now, id, what.clone()));
-            }
-            mission::Event::Observed(ref observed) if self.observed.len() < OBSERVED_MAX => {
-                self.observed.push((now, id, observed.clone()));
-            }
+            mission::Event::AgentFailed(ref what) => self.agents.failed(now, id, what),
+            mission::Event::Observed(ref observed) => self.agents.observes(now, id, observed),
             _ => {}
         }
     }
@@ -282,23 +240,18 @@ impl Recorder {
     /// A node's radio reports an event.
     pub(super) fn radio(&mut self, event: &radio::Event) {
         if let radio::Event::Dropped(reason) = event {
-            *self.dropped.entry(*reason).or_default() += 1;
+            self.traffic.dropped(*reason);
         }
     }
 
     /// Loads what changes with each frame, as
     /// [`NodeMachine::read_ahead`](muster_machines::node::NodeMachine::read_ahead) does.
     pub(super) fn read_ahead(&self, id: NodeId) {
-        black_box(self.traffic(id).counts);
+        self.traffic.read_ahead(self.index(id));
     }
 
     fn index(&self, id: NodeId) -> usize {
         (id.0 - self.first.0) as usize
-    }
-
-    fn traffic_mut(&mut self, id: NodeId) -> &mut Traffic {
-        let index = self.index(id);
-        &mut self.traffic[index]
     }
 
     fn record(&mut self, id: NodeId) -> &mut Record {
@@ -335,7 +288,7 @@ impl Recorder {
 
     /// The traffic of a drone or relay.
     pub(crate) fn traffic(&self, id: NodeId) -> Traffic {
-        self.traffic[self.index(id)]
+        self.traffic.of(self.index(id))
     }
 
     /// A drone's present state.
@@ -396,7 +349,7 @@ impl Recorder {
 
     /// Frames that radios did not admit, by reason.
     pub(crate) const fn dropped(&self) -> &BTreeMap<DropReason, u64> {
-        &self.dropped
+        self.traffic.by_reason()
     }
 
     pub(crate) const fn history(&self) -> &History {
