@@ -92,7 +92,7 @@ impl PyAgent {
                 let mut arguments = arguments(py)?;
                 arguments.push(cx.clone().into_any());
                 object.call_method1(name, pyo3::types::PyTuple::new(py, arguments)?)?;
-                Ok(std::mem::take(&mut cx.borrow_mut().commands))
+                Ok(cx.borrow_mut().commands.take())
             };
             call().map_err(|error| traceback(py, &error))
         });

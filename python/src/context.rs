@@ -45,6 +45,46 @@ pub(crate) enum Command {
     Observe(String, f64),
 }
 
+/// What the agent asked for, in order.
+///
+/// Invariant: each message has the number after that of the one before.
+pub(crate) struct Commands {
+    asked: Vec<Command>,
+    /// Number of the next message.
+    next_token: u32,
+}
+
+impl Commands {
+    const fn new(next_token: u32) -> Self {
+        Self {
+            asked: Vec::new(),
+            next_token,
+        }
+    }
+
+    fn push(&mut self, command: Command) {
+        self.asked.push(command);
+    }
+
+    /// Sends a message. Returns its number.
+    fn send(&mut self, to: Destination, payload: &[u8], reliability: Reliability) -> u32 {
+        let token = self.next_token;
+        self.next_token = token.wrapping_add(1);
+        self.push(Command::Send {
+            token,
+            to,
+            payload: payload.to_vec(),
+            reliability,
+        });
+        token
+    }
+
+    /// Yields what was asked for so far.
+    pub(crate) fn take(&mut self) -> Vec<Command> {
+        std::mem::take(&mut self.asked)
+    }
+}
+
 /// What an agent can read and do.
 #[pyclass(module = "muster")]
 pub(crate) struct Context {
@@ -79,8 +119,7 @@ pub(crate) struct Context {
     /// A `random.Random`, seeded by the run.
     #[pyo3(get)]
     rng: Py<PyAny>,
-    next_token: u32,
-    pub(crate) commands: Vec<Command>,
+    pub(crate) commands: Commands,
 }
 
 impl Context {
@@ -101,8 +140,7 @@ impl Context {
             kept: context.kept().map(<[u8]>::to_vec),
             parameters,
             rng,
-            next_token,
-            commands: Vec::new(),
+            commands: Commands::new(next_token),
         }
     }
 }
@@ -157,19 +195,12 @@ impl Context {
             let message = format!("{len} bytes are too many; accepted are at most {max}");
             return Err(PyValueError::new_err(message));
         }
-        let token = self.next_token;
-        self.next_token = token.wrapping_add(1);
-        self.commands.push(Command::Send {
-            token,
-            to,
-            payload: payload.to_vec(),
-            reliability: if acknowledged {
-                Reliability::Acknowledged
-            } else {
-                Reliability::BestEffort
-            },
-        });
-        Ok(token)
+        let reliability = if acknowledged {
+            Reliability::Acknowledged
+        } else {
+            Reliability::BestEffort
+        };
+        Ok(self.commands.send(to, payload, reliability))
     }
 
     /// Starts a timer with a number of one's own, or restarts it.
