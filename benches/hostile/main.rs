@@ -20,7 +20,7 @@ mod network;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use self::attack::Attack;
+use self::attack::{Attack, Outcome};
 
 /// Default number of datagrams.
 const DATAGRAMS: u64 = 1_000_000;
@@ -36,6 +36,21 @@ fn main() -> ExitCode {
         datagrams: number.unwrap_or(DATAGRAMS),
         pause: Duration::ZERO,
     });
+    print(&outcome);
+    let checks = checks(&outcome);
+    println!();
+    for (what, holds) in checks {
+        println!(" {} {what}", if holds { "yes" } else { "NO " });
+    }
+    if checks.iter().all(|(_, holds)| *holds) {
+        ExitCode::SUCCESS
+    } else {
+        ExitCode::FAILURE
+    }
+}
+
+/// Prints what was sent, what the master counted, and what it cost the others and the master.
+fn print(outcome: &Outcome) {
     println!("\n sent to the master of five drones in flight");
     for (kind, n) in outcome.sent {
         println!(" {kind:<26}{n:>12}");
@@ -64,8 +79,14 @@ fn main() -> ExitCode {
     );
     let [before, after] = outcome.memory_kib;
     println!(" memory: {before} KiB before, at most {after} KiB during and after it");
+}
+
+/// What must hold, and whether it does.
+fn checks(outcome: &Outcome) -> [(&'static str, bool); 6] {
+    let most = outcome.genuine.end();
+    let [before, after] = outcome.memory_kib;
     let is_first_epoch = |ballots: &Vec<_>| ballots.len() == 1;
-    let checks = [
+    [
         ("all sent datagrams are counted", outcome.is_balanced()),
         ("no hostile frame was accepted", outcome.let_in <= *most),
         (
@@ -81,14 +102,5 @@ fn main() -> ExitCode {
             "all five completed the mission",
             outcome.exit_codes == [Some(0); 5],
         ),
-    ];
-    println!();
-    for (what, holds) in checks {
-        println!(" {} {what}", if holds { "yes" } else { "NO " });
-    }
-    if checks.iter().all(|(_, holds)| *holds) {
-        ExitCode::SUCCESS
-    } else {
-        ExitCode::FAILURE
-    }
+    ]
 }
