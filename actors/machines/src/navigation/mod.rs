@@ -1,5 +1,4 @@
-//! Navigation: flies the goals of the mission by straight legs, deconflicts with traffic, and reports failures. Of a drone
-//! with a map it hosts the indoor machine.
+//! Navigation: flies goals by straight legs, deconflicts with traffic, reports failures, hosts the indoor machine.
 
 mod config;
 mod deconfliction;

@@ -9,8 +9,7 @@
 //! only (`retransmission`).
 //!
 //! The master's heartbeat goes outwards once a period (`heartbeat_timer`), for example each second. Each drone forwards
-//! it. That one frame serves discovery, liveness and routing. A drone probes a silent parent (`probe`) before it drops
-//! it.
+//! it. It serves discovery, liveness and routing. A drone probes a silent parent (`probe`) before it drops it.
 
 mod aggregation;
 mod compose;
