@@ -11,6 +11,8 @@ use super::MSP;
 
 /// How long an answer of the command line may take.
 const ANSWERS_WITHIN: Duration = Duration::from_secs(3);
+/// Time between two attempts to open the command line.
+const ASKS_EVERY: Duration = Duration::from_millis(300);
 /// How long RC may take to count.
 const TAKES_RC_WITHIN: Duration = Duration::from_secs(4);
 /// What ends an answer.
@@ -40,10 +42,7 @@ fn settings(receiver: Receiver) -> impl Iterator<Item = &'static str> {
 /// Sets the firmware up and saves that, which ends it.
 pub(super) fn set_up(receiver: Receiver) -> io::Result<()> {
     let mut stream = connect()?;
-    // Until its port has been served once it loses what it is told.
-    std::thread::sleep(Duration::from_millis(300));
-    stream.write_all(b"#")?;
-    answer(&mut stream)?;
+    open_command_line(&mut stream)?;
     for line in settings(receiver) {
         stream.write_all(format!("{line}\n").as_bytes())?;
         let answer = answer(&mut stream)?;
@@ -55,20 +54,40 @@ pub(super) fn set_up(receiver: Receiver) -> io::Result<()> {
     stream.write_all(b"save\n")
 }
 
+/// Opens the command line by `#`. The firmware loses bytes until it has served its port once, so `#` is repeated. Repeated ones
+/// that it got are a comment, which a last one ends.
+fn open_command_line(stream: &mut TcpStream) -> io::Result<()> {
+    let started = Instant::now();
+    let mut answer = Vec::new();
+    let mut asked = None;
+    while !answer.windows(PROMPT.len()).any(|it| it == PROMPT) {
+        if asked.is_none_or(|asked: Instant| asked.elapsed() > ASKS_EVERY) {
+            if started.elapsed() > ANSWERS_WITHIN {
+                return Err(no_answer());
+            }
+            stream.write_all(b"#")?;
+            asked = Some(Instant::now());
+        }
+        read_into(stream, &mut answer)?;
+    }
+    stream.write_all(b"#\n")?;
+    self::answer(stream).map(drop)
+}
+
 fn answer(stream: &mut TcpStream) -> io::Result<String> {
     let started = Instant::now();
     let mut answer = Vec::new();
-    let mut buffer = [0; 512];
     while !answer.ends_with(PROMPT) {
-        match read(stream, &mut buffer)? {
-            0 if started.elapsed() > ANSWERS_WITHIN => {
-                let message = "the firmware's command line doesn't answer";
-                return Err(io::Error::new(io::ErrorKind::TimedOut, message));
-            }
-            length => answer.extend(&buffer[..length]),
+        if read_into(stream, &mut answer)? == 0 && started.elapsed() > ANSWERS_WITHIN {
+            return Err(no_answer());
         }
     }
     Ok(String::from_utf8_lossy(&answer).into_owned())
+}
+
+fn no_answer() -> io::Error {
+    let message = "the firmware's command line doesn't answer";
+    io::Error::new(io::ErrorKind::TimedOut, message)
 }
 
 /// Whether the firmware shows the channels that it is told.
@@ -104,6 +123,14 @@ fn connect() -> io::Result<TcpStream> {
     stream.set_nodelay(true)?;
     stream.set_read_timeout(Some(Duration::from_millis(20)))?;
     Ok(stream)
+}
+
+/// Appends what is there. Returns how much; 0 if nothing comes in time.
+fn read_into(stream: &mut TcpStream, bytes: &mut Vec<u8>) -> io::Result<usize> {
+    let mut buffer = [0; 512];
+    let length = read(stream, &mut buffer)?;
+    bytes.extend(&buffer[..length]);
+    Ok(length)
 }
 
 /// Reads what is there; 0 if nothing comes in time.

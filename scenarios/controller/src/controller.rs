@@ -377,7 +377,7 @@ impl Controller {
                 let Ok(motors) = ReceivedMotors::decode(&request.payload) else {
                     return false;
                 };
-                self.firmware.test_motors(&motors.outputs_us);
+                self.firmware.set_motor_test(&motors.outputs_us);
             }
             AccCalibration::COMMAND => {}
             EepromWrite::COMMAND if !self.firmware.is_armed() => {}

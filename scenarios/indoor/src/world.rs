@@ -339,13 +339,8 @@ impl World {
                 nearest = (clearance_m, touched);
             }
         }
-        let (clearance_m, what) = nearest;
-        self.outcome.clearance.measure(Touch {
-            what,
-            at: self.now(),
-            place: drone,
-            clearance_m,
-        });
+        let now = self.now();
+        self.outcome.clearance.measure(now, drone, nearest);
     }
 
     /// The drone's velocity along x and y, in m/s.

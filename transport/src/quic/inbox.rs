@@ -77,7 +77,7 @@ impl Inbox {
         Some((from, frame))
     }
 
-    /// Counts a frame that was not read to its end because of its length.
+    /// Counts a frame that is dropped because of its length.
     pub(super) fn count_too_long(&self) {
         self.too_long.fetch_add(1, Ordering::Relaxed);
     }

@@ -126,7 +126,7 @@ impl Context<'_> {
 
     /// Comes to rest, descends on the spot and disarms. The agent is not called any more. The other drones are told.
     pub const fn land(&mut self) {
-        self.state.output.land();
+        self.state.requests.land();
     }
 
     /// Sends a message of at most [`MESSAGE_MAX`](super::MESSAGE_MAX) bytes, to neighbours or to all of at most
@@ -141,7 +141,7 @@ impl Context<'_> {
         payload: &[u8],
         reliability: Reliability,
     ) -> Result<MessageId, TooMuch> {
-        self.state.output.send(to, payload, reliability)
+        self.state.requests.send(to, payload, reliability)
     }
 
     /// Starts a timer, or restarts it. It expires after at least [`TIMER_MIN`].
@@ -165,24 +165,24 @@ impl Context<'_> {
     /// # Errors
     /// It is longer than [`KEPT_MAX`](super::KEPT_MAX). The last one stays.
     pub fn keep(&mut self, kept: &[u8]) -> Result<(), TooMuch> {
-        self.state.output.keep(kept)
+        self.state.requests.keep(kept)
     }
 
     /// The kept state; `None` if there is none.
     #[must_use]
     pub fn kept(&self) -> Option<&[u8]> {
-        let kept = self.state.output.kept();
+        let kept = self.state.requests.kept();
         kept.or(self.state.durable.kept.as_deref())
     }
 
     /// Reports a named value to observers: the report, the log and recordings show it. More than
     /// [`OBSERVATIONS_PER_STEP_MAX`](super::OBSERVATIONS_PER_STEP_MAX) in one step are dropped.
     pub fn observe(&mut self, name: &str, value: f64) {
-        self.state.output.observe(name, value);
+        self.state.requests.observe(name, value);
     }
 
     fn set_goal(&mut self, goal: Goal) {
-        self.state.output.set_goal(goal);
+        self.state.requests.set_goal(goal);
     }
 
     fn within_limits(&self, place: Ned) -> Ned {

@@ -8,8 +8,8 @@ use bytes::Bytes;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::requests::Requests;
 use super::runner::{Failed, Runner};
-use super::step_output::StepOutput;
 use super::timers::Timers;
 use super::{Agent, Checkpoint, Context, MessageId, SwarmEvent, Telemetry};
 use crate::geometry::{Ned, Velocity};
@@ -75,13 +75,13 @@ pub(super) struct State {
     pub(super) roster: NodeSet,
     pub(super) leader: NodeId,
     pub(super) position: Ned,
-    pub(super) output: StepOutput,
+    pub(super) requests: Requests,
 }
 
 impl State {
     /// Forgets what a failed agent asked for.
     fn discard(&mut self) {
-        self.output.discard();
+        self.requests.discard();
         self.timers.clear();
     }
 }
@@ -128,7 +128,7 @@ impl Host {
             leader: config.id,
             position: config.slot,
             // Reports on messages that were sent before a restart must not meet new ones.
-            output: StepOutput::new(rng.random()),
+            requests: Requests::new(rng.random()),
             rng,
             config,
         };
@@ -186,8 +186,8 @@ impl Host {
 
     /// Carries out what the agent asked for.
     fn carry_out(&mut self) {
-        let goal = self.state.output.take_goal();
-        let kept = self.state.output.take_kept();
+        let goal = self.state.requests.take_goal();
+        let kept = self.state.requests.take_kept();
         if let Some(goal) = goal {
             self.state.durable.goal = Some(goal);
             self.outbox.transmit(Transmit::Goal(goal));
@@ -197,13 +197,13 @@ impl Host {
             let checkpoint = Box::new(self.state.durable.clone());
             self.outbox.event_first(Event::AgentCheckpoint(checkpoint));
         }
-        for observed in self.state.output.drain_observed() {
+        for observed in self.state.requests.drain_observed() {
             self.outbox.event(Event::Observed(observed));
         }
-        if let Some(messages) = self.state.output.take_messages() {
+        if let Some(messages) = self.state.requests.take_messages() {
             self.outbox.transmit(Transmit::Messages(messages));
         }
-        if self.state.output.take_landing() {
+        if self.state.requests.take_landing() {
             self.mission.end_task(LandingReason::MissionOver);
             self.take_mission_outputs();
         }

@@ -14,8 +14,8 @@
 
 mod context;
 mod host;
+mod requests;
 mod runner;
-mod step_output;
 mod timers;
 
 use std::fmt;

@@ -1,5 +1,8 @@
 //! What leaves a flight-controller link.
 
+use muster_msp::SetRawRc;
+
+use super::autopilot::Order;
 use super::{Checkpoint, Event, Telemetry, Transmit};
 use crate::machine::{Outbox, Output};
 use crate::time::Timestamp;
@@ -23,9 +26,19 @@ impl Outputs {
         }
     }
 
-    /// Sends anything but telemetry, for which there is [`Self::report`].
-    pub(super) fn transmit(&mut self, transmit: Transmit) {
-        self.outbox.transmit(transmit);
+    /// Sends RC to a flight controller, or ends it.
+    pub(super) fn rc(&mut self, rc: Option<SetRawRc>) {
+        self.outbox.transmit(Transmit::Rc(rc));
+    }
+
+    /// Sends an order to an autopilot.
+    pub(super) fn order(&mut self, order: Order) {
+        self.outbox.transmit(Transmit::Order(order));
+    }
+
+    /// Asks the navigation for its goal, after a restart.
+    pub(super) fn resync(&mut self) {
+        self.outbox.transmit(Transmit::Resync);
     }
 
     /// Tells the navigation.

@@ -23,7 +23,7 @@ pub(super) struct Monitor {
     lines_lost: Lost,
     pub(super) computer: Computer,
     /// Counts slow calls of the agent. `None` without an agent.
-    pub(super) agent_calls: Option<Arc<AgentCalls>>,
+    agent_calls: Option<Arc<AgentCalls>>,
 }
 
 impl Monitor {
@@ -66,7 +66,12 @@ impl Monitor {
         self.lines_lost.lines()
     }
 
-    /// The agent's calls. `None` without an agent.
+    /// Counters of the agent's calls. `None` without an agent.
+    pub(super) fn agent_calls(&self) -> Option<Arc<AgentCalls>> {
+        self.agent_calls.clone()
+    }
+
+    /// State of the agent's calls. `None` without an agent.
     pub(super) fn agent_status(&self) -> Option<AgentStatus> {
         self.agent_calls.as_ref().map(|calls| calls.status())
     }

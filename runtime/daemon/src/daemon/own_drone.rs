@@ -4,7 +4,7 @@ use muster_machines::identity::{Ballot, NodeId, SwarmId};
 
 use crate::status::Role;
 
-/// The drone of this process, as its files name it.
+/// The drone of this process, from its configuration.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct OwnDrone {
     pub(super) id: NodeId,

@@ -87,7 +87,7 @@ impl State {
 
     /// Counts slow calls of the agent. `None` without an agent.
     pub(super) fn agent_calls(&self) -> Option<Arc<AgentCalls>> {
-        self.monitor.agent_calls.clone()
+        self.monitor.agent_calls()
     }
 
     pub(super) const fn outcome(&self) -> &Outcome {

@@ -1,11 +1,11 @@
-//! What a link tells the program that flies.
+//! Events of a link, for the program that owns it.
 
 use std::collections::VecDeque;
 
 use muster_msp::check::Finding;
 use muster_msp::{Identity, Telemetry};
 
-/// Most events that wait to be taken when telemetry comes; then the oldest telemetry is dropped, and counted.
+/// Length of the queue from which on new telemetry replaces the oldest telemetry, which is counted.
 const EVENTS_MAX: usize = 256;
 
 /// What happened.

@@ -144,7 +144,7 @@ impl Firmware {
 
     /// Sets the motors of a disarmed aircraft, in µs from 1,000 to 2,000. They turn until they are set to 1,000. What is set
     /// while armed counts from disarming on.
-    pub(crate) fn test_motors(&mut self, outputs_us: &[u16]) {
+    pub(crate) fn set_motor_test(&mut self, outputs_us: &[u16]) {
         self.motors.set_test(outputs_us);
     }
 

@@ -47,7 +47,7 @@ pub(crate) struct Setpoint {
     deflections: [f64; 3],
     /// From 0 to 1.
     throttle: f64,
-    /// Whether deflections of roll and pitch are angles, else rates: angle mode.
+    /// Whether angle mode is on: roll and pitch deflections are angles. Otherwise they are rates.
     is_angle_on: bool,
 }
 
@@ -97,7 +97,7 @@ impl Stabiliser {
         *self = Self::new(self.tuning);
     }
 
-    /// Duty cycles of the motors for a step. `angles_rad` is roll and pitch.
+    /// Duty cycles of the motors for a step. `angles_rad` is roll and pitch, which count in angle mode only.
     #[inline]
     pub(crate) fn duties(
         &mut self,

@@ -8,7 +8,7 @@ use muster_indoor::patrol::{Config, Event, SonarChange, Velocity};
 use muster_indoor::reading::Mounting;
 use muster_machines::time::Timestamp;
 
-use super::{CLEARANCE_M, Setup, Touch};
+use super::{CLEARANCE_M, Setup, Touch, Touched};
 
 /// Speed below which a drone hovers, in m/s.
 const HOVERS_MPS: f64 = 1e-6;
@@ -34,7 +34,7 @@ pub struct Track {
     /// Where it takes itself to be at present.
     believed: MapPose,
     samples: Vec<Sample>,
-    /// One a step, in metres.
+    /// Errors of the believed position, one a step, in metres.
     errors_m: Vec<f64>,
 }
 
@@ -47,7 +47,7 @@ impl Track {
         }
     }
 
-    /// Twice a second, in order.
+    /// Two samples a second, oldest first.
     #[must_use]
     pub fn samples(&self) -> &[Sample] {
         &self.samples
@@ -86,7 +86,7 @@ impl Track {
 pub struct Clearance {
     least_m: f64,
     touches: Vec<Touch>,
-    /// Whether it was less when it was measured last.
+    /// Whether the last measured clearance was less than [`CLEARANCE_M`].
     is_touching: bool,
 }
 
@@ -99,7 +99,7 @@ impl Clearance {
         }
     }
 
-    /// Least distance from walls and people, in metres; at most 1 m is measured.
+    /// Least distance from walls and people, in metres; at most 1 m is measured. Infinite before the first measurement.
     #[must_use]
     pub const fn least_m(&self) -> f64 {
         self.least_m
@@ -117,12 +117,22 @@ impl Clearance {
         self.touches.iter().any(Touch::is_fault)
     }
 
-    /// Takes in the clearance of what is nearest, which is a touch if it is too small.
-    pub(super) fn measure(&mut self, nearest: Touch) {
-        self.least_m = self.least_m.min(nearest.clearance_m);
-        let is_touching = nearest.clearance_m < CLEARANCE_M;
+    /// Records the clearance from what is nearest to the drone at a place.
+    pub(super) fn measure(
+        &mut self,
+        at: Timestamp,
+        place: MapXy,
+        (clearance_m, what): (f64, Touched),
+    ) {
+        self.least_m = self.least_m.min(clearance_m);
+        let is_touching = clearance_m < CLEARANCE_M;
         if is_touching && !self.is_touching {
-            self.touches.push(nearest);
+            self.touches.push(Touch {
+                what,
+                at,
+                place,
+                clearance_m,
+            });
         }
         self.is_touching = is_touching;
     }
@@ -230,18 +240,13 @@ impl Outcome {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::rule::Touched;
 
     #[test]
     fn touch_that_lasts_counts_once() {
         let mut clearance = Clearance::unmeasured();
         for clearance_m in [0.5, 0.1, 0.05, 0.2, 0.1] {
-            clearance.measure(Touch {
-                what: Touched::Wall,
-                at: Timestamp::ZERO,
-                place: MapXy::new(1.0, 2.0),
-                clearance_m,
-            });
+            let place = MapXy::new(1.0, 2.0);
+            clearance.measure(Timestamp::ZERO, place, (clearance_m, Touched::Wall));
         }
         let touches = clearance.touches().len();
         assert_eq!((touches, clearance.least_m()), (2, 0.05));

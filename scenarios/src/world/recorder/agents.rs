@@ -1,3 +1,5 @@
+//! Values and failures that agents reported.
+
 use muster_machines::agent::Observed;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;

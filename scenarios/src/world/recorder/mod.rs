@@ -349,7 +349,7 @@ impl Recorder {
 
     /// Frames that radios did not admit, by reason.
     pub(crate) const fn dropped(&self) -> &BTreeMap<DropReason, u64> {
-        self.traffic.by_reason()
+        self.traffic.drops_by_reason()
     }
 
     pub(crate) const fn history(&self) -> &History {

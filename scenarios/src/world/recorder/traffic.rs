@@ -1,3 +1,5 @@
+//! Frames that were sent, received and dropped.
+
 use std::collections::BTreeMap;
 use std::hint::black_box;
 
@@ -100,7 +102,7 @@ impl TrafficCounts {
     }
 
     /// Frames that radios did not admit, by reason.
-    pub(super) const fn by_reason(&self) -> &BTreeMap<DropReason, u64> {
+    pub(super) const fn drops_by_reason(&self) -> &BTreeMap<DropReason, u64> {
         &self.dropped
     }
 }

@@ -1,8 +1,8 @@
 //! Whether the autopilot is to arm.
 
-/// The drone's order to arm, which is repeated until the autopilot has armed.
+/// The drone's order to arm.
 ///
-/// Invariant: an autopilot that has armed by it is not ordered to again, even after a restart.
+/// Invariant: once the order has left, a restarted link does not order again. Until the autopilot arms, this link repeats it.
 #[derive(Debug)]
 pub(super) struct Arming {
     /// It is to arm as soon as it can.

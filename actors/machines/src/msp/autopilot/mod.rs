@@ -79,7 +79,7 @@ impl AutopilotLink {
             outputs: Outputs::new(),
         };
         if checkpoint.is_some() {
-            link.outputs.transmit(Transmit::Resync);
+            link.outputs.resync();
         }
         link.keep();
         link
@@ -89,11 +89,10 @@ impl AutopilotLink {
         match command {
             FlightCommand::Report | FlightCommand::Yield => return self.report(now),
             _ if self.gave_up => return,
-            FlightCommand::Arm if !self.must_land => self.arming.order(),
-            FlightCommand::Arm => {}
+            FlightCommand::Arm => self.arming.order(),
             FlightCommand::Fly(setpoint) if self.contact.is_armed() && !self.must_land => {
                 let course = Course::new(now, setpoint, self.stop());
-                self.order(course.speed());
+                self.order(now, course.speed());
                 self.course = Some(course);
             }
             FlightCommand::Fly(_) => return,
@@ -144,14 +143,14 @@ impl AutopilotLink {
     fn handle_second(&mut self, now: Timestamp) {
         self.acts_at = Some(now + PERIOD);
         if !self.contact.taken().by_failsafe {
-            self.order(Order::Heartbeat);
+            self.order(now, Order::Heartbeat);
         }
         let is_unknown = self.landed.is_none() || !self.gate.is_simulation();
         if self.place.lost_for(now).is_some() || is_unknown {
-            self.order(Order::Tell);
+            self.order(now, Order::Tell);
         }
         if let Some(course) = self.course.filter(|_| self.flies()) {
-            self.order(course.speed());
+            self.order(now, course.speed());
         }
         self.act(now);
     }
@@ -170,7 +169,7 @@ impl AutopilotLink {
             self.arming.end();
             let is_others = self.contact.taken().is_pilots();
             if self.contact.is_armed() && !is_others && !self.contact.is_in(Mode::Landing) {
-                self.order(Order::Land);
+                self.order(now, Order::Land);
             }
         } else if self.arming.is_due() {
             let is_ready = self.contact.is_known() && self.place.lost_for(now).is_none();
@@ -179,16 +178,16 @@ impl AutopilotLink {
             }
             if self.contact.is_in(Mode::Guided) {
                 self.arming.send();
-                self.order(Order::Arm);
+                self.order(now, Order::Arm);
             } else {
-                self.order(Order::Guide);
+                self.order(now, Order::Guide);
             }
         } else if self.flies()
             && self.landed == Some(Landed::Ground)
             && let Some((to, _)) = self.course.and_then(|it| it.target(now))
         {
             let height_m = to.altitude_m();
-            self.order(Order::TakeOff { height_m });
+            self.order(now, Order::TakeOff { height_m });
         }
     }
 
@@ -200,14 +199,14 @@ impl AutopilotLink {
             && let Some((to, velocity)) = target
             && let Some(to) = self.place.to_autopilot(to)
         {
-            self.order(Order::Fly { to, velocity });
+            self.order(now, Order::Fly { to, velocity });
         }
     }
 
     /// Sends an order, if it may leave.
-    fn order(&mut self, order: Order) {
-        if self.gate.may_leave(order) {
-            self.outputs.transmit(Transmit::Order(order));
+    fn order(&mut self, now: Timestamp, order: Order) {
+        if self.gate.may_leave(order, now) {
+            self.outputs.order(order);
         }
     }
 

@@ -85,7 +85,7 @@ impl ControllerLink {
             outputs: Outputs::new(),
         };
         if checkpoint.is_some() {
-            link.outputs.transmit(Transmit::Resync);
+            link.outputs.resync();
         }
         link.keep();
         link
@@ -193,12 +193,12 @@ impl ControllerLink {
         self.gate.close();
         self.reports.close();
         self.deadline = None;
-        self.outputs.transmit(Transmit::Rc(None));
+        self.outputs.rc(None);
     }
 
     /// The link was lost in flight, or the height: the controller's failsafe is to fly.
     fn lose(&mut self, now: Timestamp) {
-        self.outputs.transmit(Transmit::Rc(None));
+        self.outputs.rc(None);
         self.keep();
         self.report_news(now);
     }
@@ -249,7 +249,7 @@ impl ControllerLink {
             true => self.gate.rc(sticks, self.arming.is_high(), Some(reported)),
             false => None,
         };
-        self.outputs.transmit(Transmit::Rc(rc));
+        self.outputs.rc(rc);
         self.keep();
         self.report_news(now);
     }

@@ -9,7 +9,7 @@ use std::time::Duration;
 use bytes::Bytes;
 
 use self::deliveries::Deliveries;
-pub(super) use self::hearing::Hearing;
+use self::hearing::Hearing;
 use super::quality::Quality;
 use crate::identity::{NodeId, NodeSet};
 use crate::time::Timestamp;
@@ -25,7 +25,7 @@ pub(super) struct Neighbour {
     /// When it was first heard, and last.
     pub(super) known_since: Timestamp,
     pub(super) heard_at: Timestamp,
-    pub(super) hearing: Hearing,
+    hearing: Hearing,
     pub(super) quality: Quality,
     pub(super) deliveries: Deliveries,
     /// Whether it requested this drone's state and has not been answered.
@@ -129,7 +129,7 @@ impl Neighbour {
             id,
             known_since: now,
             heard_at: now,
-            hearing: Hearing::Unproven,
+            hearing: Hearing::OneWay,
             quality: Quality::new(),
             deliveries: Deliveries::default(),
             awaits_answer: false,
@@ -147,6 +147,16 @@ impl Neighbour {
         let is_newer = (number, unicasts) > (report.number, report.unicasts);
         let is_for_all = unicasts == 0;
         is_newer.then(|| number - report.number - u32::from(is_for_all))
+    }
+
+    /// Whether it hears this drone.
+    pub(super) const fn hearing(&self) -> Hearing {
+        self.hearing
+    }
+
+    /// Records its first frame, whose report is stored already.
+    pub(super) fn record_first(&mut self) {
+        self.hearing = Hearing::of_first(self.report.hears_own);
     }
 
     /// Records a received frame, whose report is stored already, after `missed` broadcasts.
@@ -274,12 +284,16 @@ impl Neighbour {
     /// Touches each cache line of it.
     pub(super) fn read_ahead(&self) {
         black_box((
-            self.hearing.omits_this_drone(),
+            self.hearing.is_symmetric(),
             self.report.number,
             self.report.by_parent,
         ));
         black_box((self.body.len(), self.heard_at, self.quality.is_proven()));
-        black_box((self.sets().delivered.0, self.hearing.is_symmetric()));
+        black_box((
+            self.sets().delivered.0,
+            self.awaits_answer,
+            self.deliveries.has_failed(),
+        ));
     }
 
     /// Whether it has been silent for so long that another parent would be better.

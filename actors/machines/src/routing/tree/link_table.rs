@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use bytes::Bytes;
 
-use super::link::{Hearing, Neighbour, Sender, reports_hearing};
+use super::link::{Neighbour, Sender, reports_hearing};
 use crate::flaw::{self, Flaw};
 use crate::identity::{NodeId, NodeSet};
 use crate::node_map::NodeMap;
@@ -126,12 +126,12 @@ impl LinkTable {
             Err(at) => return Some(self.insert_new(at, sender, frame, body, now)),
         };
         let missed = link.missed_before(frame.header.number, frame.unicasts)?;
-        let (was_child, was_deaf) = (link.is_child_of(self.own), link.hearing.may_be_deaf());
+        let (was_child, was_deaf) = (link.is_child_of(self.own), link.hearing().may_be_deaf());
         let change = link.update_report(frame, self.own, sender, self.drones);
         link.body = body;
         let is_child = link.is_child_of(self.own);
         let link_change = link.record_reception(now, missed, self.leaf_period);
-        let hearing_changed = link.hearing.may_be_deaf() != was_deaf;
+        let hearing_changed = link.hearing().may_be_deaf() != was_deaf;
         if was_child != is_child || is_child && (change.any || link_change.is_reachable_again) {
             self.subtree.take();
         }
@@ -157,12 +157,12 @@ impl LinkTable {
     ) -> ReceivedReport {
         let mut link = Neighbour::new(sender.id, now);
         link.update_report(frame, self.own, sender, self.drones);
-        link.hearing = Hearing::of_first(link.report.hears_own);
+        link.record_first();
         link.body = body;
         if link.is_child_of(self.own) {
             self.subtree.take();
         }
-        let hearing_changed = link.hearing.may_be_deaf();
+        let hearing_changed = link.hearing().may_be_deaf();
         self.links.insert(at, sender.id, link);
         ReceivedReport {
             has_progressed: true,
@@ -193,9 +193,10 @@ impl LinkTable {
 
     /// Whether the link to the sender of a frame is symmetric, as far as this drone knows.
     pub(super) fn is_symmetric(&self, id: NodeId, frame: &TreeFrame<'_>) -> bool {
-        reports_hearing(self.own, frame)
-            .unwrap_or_else(|| self.get(id).is_some_and(|link| link.hearing.is_symmetric()))
-            || flaw::has(Flaw::AcceptsOneWayLinks)
+        reports_hearing(self.own, frame).unwrap_or_else(|| {
+            self.get(id)
+                .is_some_and(|link| link.hearing().is_symmetric())
+        }) || flaw::has(Flaw::AcceptsOneWayLinks)
     }
 
     /// Forgets reports under the leader before.
@@ -397,7 +398,7 @@ impl LinkTable {
 
     /// The neighbours that may not hear this drone.
     pub(super) fn deaf(&self) -> NodeSet {
-        let deaf = self.iter().filter(|link| link.hearing.may_be_deaf());
+        let deaf = self.iter().filter(|link| link.hearing().may_be_deaf());
         deaf.map(|link| link.id).collect()
     }
 

@@ -172,7 +172,7 @@ impl ParentSelection {
     fn check_parent(&self, links: &LinkTable) -> Option<SoundParent> {
         let link = links.get(self.routes.parent?)?;
         let is_sound =
-            link.hearing.is_symmetric() && link.is_reachable() && link.has_route_past(self.own);
+            link.hearing().is_symmetric() && link.is_reachable() && link.has_route_past(self.own);
         is_sound.then(|| SoundParent {
             stale_at: link.stale_at(self.heartbeat_period),
         })
@@ -283,13 +283,13 @@ impl ParentSelection {
         links: &'a LinkTable,
     ) -> Option<&'a Neighbour> {
         let is_usable =
-            |link: &Neighbour| link.hearing.is_symmetric() && link.has_route_past(self.own);
+            |link: &Neighbour| link.hearing().is_symmetric() && link.has_route_past(self.own);
         let current = self.routes.parent.and_then(|parent| links.get(parent));
         let is_live =
             |link: &Neighbour| link.is_reachable() && !link.is_stale(now, self.heartbeat_period);
         let live_parent = current.filter(|link| is_usable(link) && is_live(link));
-        let omits_this_drone =
-            |link: &Neighbour| link.hearing.omits_this_drone() && !context.throttles_leaves;
+        let lost_this_drone =
+            |link: &Neighbour| link.hearing().lost_this_drone() && !context.throttles_leaves;
         let is_feasible = |link: &Neighbour| {
             let label = Label {
                 heartbeat: link.route_heartbeat(),
@@ -304,7 +304,7 @@ impl ParentSelection {
             Some(link.id) != self.routes.parent
                 && is_usable(link)
                 && is_live(link)
-                && !omits_this_drone(link)
+                && !lost_this_drone(link)
                 && is_feasible(link)
                 && (link.quality.is_proven() || !has_parent || by_hops)
         });

@@ -143,7 +143,7 @@ impl ParentProbe {
             STALE_HEARTBEATS_MAX
         } else {
             u16::from(
-                self.dropped_parent.is_none() && others.any(|link| link.hearing.is_symmetric()),
+                self.dropped_parent.is_none() && others.any(|link| link.hearing().is_symmetric()),
             )
         };
         since + config.route_timeout + config.heartbeat_period * heartbeats.into()

@@ -15,7 +15,7 @@ impl TreePolicy {
     /// Whether a neighbour is worth a frame: both hear each other, and more than a few frames arrive.
     fn is_usable(&self, link: &Neighbour, now: Timestamp) -> bool {
         let time_to_live = self.topology.config.link_time_to_live;
-        link.hearing.is_symmetric()
+        link.hearing().is_symmetric()
             && link.is_reachable()
             && !link.quality.is_poor()
             && self.topology.links.is_heard(link, now, time_to_live)

@@ -224,7 +224,7 @@ impl Topology {
             return;
         };
         let (sequence, heartbeat) = (link.report.sequence, link.report.heartbeat);
-        if received.is_new || link.hearing.lost_this_drone() {
+        if received.is_new || link.hearing().lost_this_drone() {
             // The heartbeat shows the neighbour that it is heard.
             self.heartbeat_timer.schedule_for_new_neighbour(shared, now);
         }

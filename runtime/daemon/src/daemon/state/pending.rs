@@ -34,11 +34,12 @@ impl PendingPortEvents {
         }
     }
 
-    /// Posts a new event. If the link has no room now and must not miss it, the event waits.
+    /// Posts a new event. If the link has no room now, or has missed that its port was closed, an event that it must not miss
+    /// waits.
     pub(super) fn post(&mut self, event: PortEvent, post: impl FnOnce(PortEvent) -> bool) {
         let is_closed = matches!(event, PortEvent::Closed);
         let is_identified = matches!(event, PortEvent::Identified { .. });
-        if !post(event) {
+        if self.closing || !post(event) {
             self.closing |= is_closed;
             self.introduction |= is_identified;
         }
@@ -88,6 +89,17 @@ mod tests {
         assert_eq!(delivered(&mut pending, 1), [identified()]);
         assert_eq!(delivered(&mut pending, 2), [identified(), told()]);
         assert!(delivered(&mut pending, 2).is_empty());
+    }
+
+    #[test]
+    fn identity_waits_while_a_missed_closing_does() {
+        let mut pending = PendingPortEvents::default();
+        pending.post(PortEvent::Closed, |_| false);
+        pending.post(identified(), |_| true);
+        assert_eq!(
+            delivered(&mut pending, 3),
+            [PortEvent::Closed, identified(), told()]
+        );
     }
 
     #[test]

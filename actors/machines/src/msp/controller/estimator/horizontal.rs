@@ -78,7 +78,8 @@ impl Horizontal {
     }
 
     /// Takes in a fix's place, north and east, with its standard deviation and age. Returns what it changed if it was near
-    /// enough. Without an estimate, the first begins one; later, some that agree with each other do.
+    /// enough. Before there is an estimate or a past to compare with, it begins the estimate; later, some that agree with each
+    /// other do.
     pub(super) fn measure_fix(
         &mut self,
         now: Timestamp,
@@ -86,8 +87,7 @@ impl Horizontal {
         (sigma_m, age): (f64, Duration),
     ) -> Option<[Correction; 2]> {
         let (Some([north, east]), Some(past)) = (&mut self.axes, self.past.before(now, age)) else {
-            self.axes = Some(place.map(|it| Axis::at(it, sigma_m * sigma_m)));
-            self.accept(now);
+            self.begin(now, place.map(|it| Axis::at(it, sigma_m * sigma_m)));
             return None;
         };
         let innovations = [place[0] - past[0], place[1] - past[1]];

@@ -55,7 +55,7 @@ impl Deliveries {
         self.failed = *FAILED_DELIVERIES.end();
     }
 
-    /// Whether the last delivery failed.
+    /// Whether it counts a failure since the neighbour was last heard.
     pub(super) const fn has_failed(&self) -> bool {
         self.failed > 0
     }

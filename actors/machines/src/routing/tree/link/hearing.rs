@@ -10,23 +10,21 @@ use crate::time::Timestamp;
 /// come from a restart or a lost frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(in crate::routing::tree) enum Hearing {
-    /// The neighbour has not shown yet that it hears this drone.
-    Unproven,
     /// It hears this drone.
     Symmetric,
     /// It heard this drone, but its reports have omitted it since this time.
     Omitted { since: Timestamp },
-    /// It does not hear this drone.
+    /// It has not shown that it hears this drone, or reports that it does not.
     OneWay,
 }
 
 impl Hearing {
-    /// Of a neighbour's first frame. `hears_own`: whether it hears this drone; `None` if the frame does not tell.
-    pub(in crate::routing::tree) fn of_first(hears_own: Option<bool>) -> Self {
+    /// Of a neighbour's first frame. `hears_own`: whether it hears this drone; `None` if the frame does not contain it.
+    pub(super) fn of_first(hears_own: Option<bool>) -> Self {
         if hears_own == Some(true) {
             Self::Symmetric
         } else {
-            Self::Unproven
+            Self::OneWay
         }
     }
 
@@ -40,7 +38,7 @@ impl Hearing {
     ) -> bool {
         let before = *self;
         let omitted_since = match before {
-            Self::Unproven | Self::OneWay => None,
+            Self::OneWay => None,
             Self::Symmetric => Some(now),
             Self::Omitted { since } => Some(since),
         };
@@ -58,11 +56,6 @@ impl Hearing {
     /// Whether the neighbour hears this drone, too. Only symmetric links are used.
     pub(in crate::routing::tree) const fn is_symmetric(self) -> bool {
         matches!(self, Self::Symmetric | Self::Omitted { .. })
-    }
-
-    /// Whether its reports omit this drone from the neighbours that it hears.
-    pub(in crate::routing::tree) const fn omits_this_drone(self) -> bool {
-        matches!(self, Self::Omitted { .. } | Self::OneWay)
     }
 
     /// Whether it may not hear this drone: it has not shown that it does, or reports that it no longer does.

@@ -92,14 +92,14 @@ fn link_stays_symmetric_until_omitted_for_longer_than_stale_time() {
     let stale = near.links.get(NodeId(2)).unwrap().quality.stale_heartbeats;
     for _ in 0..=stale {
         near.receive(2, omits_this_drone.clone());
-        assert!(near.links.get(NodeId(2)).unwrap().hearing.is_symmetric());
+        assert!(near.links.get(NodeId(2)).unwrap().hearing().is_symmetric());
         // A forwarded order does not report which drones are heard.
         near.receive_unmodified(2, forwarded.clone());
         near.now += Neighbourhood::HEARTBEAT_PERIOD * 9 / 10;
     }
     near.now += Neighbourhood::HEARTBEAT_PERIOD;
     near.receive(2, omits_this_drone);
-    assert!(!near.links.get(NodeId(2)).unwrap().hearing.is_symmetric());
+    assert!(!near.links.get(NodeId(2)).unwrap().hearing().is_symmetric());
     near.receive(2, hearing(16));
-    assert!(near.links.get(NodeId(2)).unwrap().hearing.is_symmetric());
+    assert!(near.links.get(NodeId(2)).unwrap().hearing().is_symmetric());
 }

@@ -86,6 +86,6 @@ fn partial_report_does_not_change_link_symmetry() {
             .topology
             .links
             .get(NodeId(0))
-            .is_some_and(|link| link.hearing.is_symmetric())
+            .is_some_and(|link| link.hearing().is_symmetric())
     );
 }

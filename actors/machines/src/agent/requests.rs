@@ -11,10 +11,11 @@ use crate::routing::Outgoing;
 
 /// What an agent has asked for in the current step. The host carries it out once the agent's method has returned.
 ///
-/// Invariant: at most [`MESSAGES_PER_STEP_MAX`] messages and [`OBSERVATIONS_PER_STEP_MAX`] observations; no message or kept state
-/// is longer than an agent's may be. The id of a message follows that of the message before, even if that was discarded.
+/// Invariant: at most [`MESSAGES_PER_STEP_MAX`] messages and [`OBSERVATIONS_PER_STEP_MAX`] observations; no message exceeds the
+/// maximum of its destination, and kept state at most [`KEPT_MAX`]. The id of a message follows that of the message before, even
+/// if that was discarded.
 #[derive(Debug)]
-pub(super) struct StepOutput {
+pub(super) struct Requests {
     goal: Option<Goal>,
     kept: Option<Vec<u8>>,
     lands: bool,
@@ -24,7 +25,7 @@ pub(super) struct StepOutput {
     last_message: u32,
 }
 
-impl StepOutput {
+impl Requests {
     /// Without any request. The ids of its messages follow `last_message`.
     pub(super) const fn new(last_message: u32) -> Self {
         Self {
