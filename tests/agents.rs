@@ -75,7 +75,7 @@ fn drone_without_position_waits_for_one_that_passes_below_it() {
 }
 
 #[test]
-fn drones_on_lanes_that_hear_nobody_land() {
+fn drones_on_lanes_without_contact_land() {
     install();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
     let jammed = Sim::load(folder.join("jammed-on-a-lane.toml")).unwrap();
@@ -87,7 +87,7 @@ fn drones_on_lanes_that_hear_nobody_land() {
 }
 
 #[test]
-fn restarted_process_continues_its_task_with_the_whole_roster() {
+fn restarted_process_continues_its_task_with_all_drones_on_task() {
     install();
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/agents");
     let report = fly(&Sim::load(folder.join("restart.toml")).unwrap()).report;
@@ -316,7 +316,7 @@ impl Agent for Flooding {
 }
 
 #[test]
-fn agent_that_floods_the_swarm_breaks_no_rule_and_elects_nobody() {
+fn agent_that_floods_the_swarm_breaks_no_rule_and_starts_no_election() {
     let sim = plain().agents(|id| {
         if id == NodeId(1) {
             Box::new(Flooding)

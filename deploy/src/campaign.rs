@@ -66,7 +66,7 @@ pub enum SpreadError {
 /// If a file can't be used, or all hosts are lost.
 pub fn spread(
     request: &SpreadRequest<'_>,
-    said: &(dyn Fn(&str) + Sync),
+    report: &(dyn Fn(&str) + Sync),
 ) -> Result<Vec<PathBuf>, SpreadError> {
     let payload = Payload::read(request)?;
     let runs = usize::try_from(request.runs).unwrap_or(usize::MAX).max(1);
@@ -87,8 +87,8 @@ pub fn spread(
                     payload,
                     shards,
                 };
-                if let Err(error) = host.work(queue, said) {
-                    said(&format!("host {} is given up: {error}", nth + 1));
+                if let Err(error) = host.work(queue, report) {
+                    report(&format!("host {} is given up: {error}", nth + 1));
                     error
                         .to_string()
                         .clone_into(&mut last.lock().expect("no thread panics with it"));
@@ -156,9 +156,9 @@ struct Host<'a> {
 
 impl Host<'_> {
     /// Runs shards until none is left.
-    fn work(&self, queue: &Mutex<VecDeque<usize>>, said: &dyn Fn(&str)) -> Result<(), HostError> {
+    fn work(&self, queue: &Mutex<VecDeque<usize>>, report: &dyn Fn(&str)) -> Result<(), HostError> {
         let folder = temporary_folder(self.run)?;
-        let worked = self.work_in(&folder, queue, said);
+        let worked = self.work_in(&folder, queue, report);
         // A lost host keeps it.
         let _ = line(self.run, &["rm", "-r", &folder]);
         worked
@@ -168,7 +168,7 @@ impl Host<'_> {
         &self,
         folder: &str,
         queue: &Mutex<VecDeque<usize>>,
-        said: &dyn Fn(&str),
+        report: &dyn Fn(&str),
     ) -> Result<(), HostError> {
         self.put(folder, "muster", &self.payload.program)?;
         line(self.run, &["chmod", "700", &format!("{folder}/muster")])?;
@@ -187,7 +187,7 @@ impl Host<'_> {
                     .push_front(shard);
                 return Err(error);
             }
-            said(&format!("shard {shard} of {} is complete", self.shards));
+            report(&format!("shard {shard} of {} is complete", self.shards));
         }
     }
 

@@ -110,14 +110,14 @@ impl LiveController {
 }
 
 impl Server {
-    /// Serves TCP connections, one after the other, until the controller is dropped. `told` takes why a connection failed.
+    /// Serves TCP connections, one after the other, until the controller is dropped. `report` takes why a connection failed.
     ///
     /// # Errors
     /// If the system accepts no connections.
     pub fn listen(
         &self,
         listener: &TcpListener,
-        mut told: impl FnMut(io::Error),
+        mut report: impl FnMut(io::Error),
     ) -> io::Result<()> {
         listener.set_nonblocking(true)?;
         while let Some(live) = self.0.upgrade() {
@@ -127,7 +127,7 @@ impl Server {
             if wait(listener, PAUSE)? {
                 let (stream, _) = listener.accept()?;
                 if let Err(error) = stream.set_nodelay(true).and_then(|()| self.serve(&stream)) {
-                    told(error);
+                    report(error);
                 }
             }
         }

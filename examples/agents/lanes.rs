@@ -1,7 +1,7 @@
 //! A search in lanes that reports what it finds.
 //!
-//! The drones of the roster share the lanes. All are told which lanes are done, so others fly those of a lost drone. Finds
-//! go to the leader, and again to the next one if it is lost.
+//! The drones on task share the lanes. All are told which lanes are done, so others fly those of a lost drone. Finds go to
+//! the leader, and again to the next one if it is lost.
 
 use std::collections::BTreeSet;
 
@@ -67,12 +67,12 @@ impl Lanes {
     /// After the end of a route: the next lane, or home and down.
     fn choose(&mut self, context: &mut Context<'_>) {
         let had_lane = self.lane.take().map(|lane| self.finish(lane, context));
-        let roster: Vec<_> = context.roster().iter().collect();
-        let place = roster.iter().position(|id| *id == context.id());
+        let on_task: Vec<_> = context.drones_on_task().iter().collect();
+        let place = on_task.iter().position(|id| *id == context.id());
         let left = (0..self.parameters.lanes).filter(|lane| !self.state.done.contains(lane));
         let left: Vec<_> = left.collect();
         self.lane = left
-            .get(place.unwrap_or(0) * left.len() / roster.len())
+            .get(place.unwrap_or(0) * left.len() / on_task.len())
             .copied();
         let above = |place: Ned| super::at_own_altitude(place, context);
         self.route = match self.lane {

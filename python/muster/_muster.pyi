@@ -38,7 +38,7 @@ class Context:
     """Seconds since the start of the run."""
     id: int
     drones: int
-    roster: list[int]
+    drones_on_task: list[int]
     leader: int
     is_leader: bool
     slot: Place

@@ -99,7 +99,7 @@ pub(crate) struct Context {
     drones: u32,
     /// Drones on task, as far as is known.
     #[pyo3(get)]
-    roster: Vec<u32>,
+    drones_on_task: Vec<u32>,
     /// The current leader.
     #[pyo3(get)]
     leader: u32,
@@ -132,7 +132,7 @@ impl Context {
             now: context.now().as_secs_f64(),
             id: context.id().0,
             drones: context.drones(),
-            roster: context.roster().iter().map(|id| id.0).collect(),
+            drones_on_task: context.drones_on_task().iter().map(|id| id.0).collect(),
             leader: context.leader().0,
             slot: place(context.slot()),
             position: place(context.position()),

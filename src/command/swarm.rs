@@ -19,9 +19,10 @@ use super::{Failure, Outcome, folder, terminal};
 ///
 /// Each drone is a musterd process on this machine or, with --hosts, on others. The processes exchange signed frames over
 /// UDP or QUIC; the vehicles are simulated, in this process if they have flight controllers. The scenario's faults are
-/// injected into the processes: SIGKILL for a kill, SIGSTOP for a hang. The scenario's radio model limits who hears whom. The
-/// rules of the simulation are checked, except those about the input of a drone and about RC. No process is left at the end,
-/// even after an error. Ctrl-C ends the flight at once; the report of what was flown is written, and the exit code is 1.
+/// injected into the processes: SIGKILL for a kill, SIGSTOP for a hang. The scenario's radio model decides which drones
+/// hear each other. The rules of the simulation are checked, except those about the input of a drone and about RC. No process
+/// is left at the end, even after an error. Ctrl-C ends the flight at once; the report of what was flown is written, and the
+/// exit code is 1.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   muster swarm swarm-short --unlimited-range --json | jq .mission_completed

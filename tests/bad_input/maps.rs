@@ -182,7 +182,7 @@ fn broken_flats_are_refused_with_the_place() {
         ),
         (
             flat("speed_mps = 0.6", "speed_mps = 9.0"),
-            &["flat.toml:4", "nobody can walk so"],
+            &["flat.toml:4", "no person can walk so"],
         ),
         (
             flat(

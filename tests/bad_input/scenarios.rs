@@ -43,7 +43,7 @@ fn wrong_field_is_refused_with_its_place_and_accepted_values() {
 }
 
 #[test]
-fn formation_whose_layers_exceed_the_altitude_limit_is_refused() {
+fn formation_with_layers_above_the_altitude_limit_is_refused() {
     let folder = Folder::new();
     let scenario = SCENARIO
         .replace("drones = 5", "drones = 25")

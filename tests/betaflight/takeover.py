@@ -43,11 +43,11 @@ def take_over(program, muster, seed, at_s):
     report, rows = flight(program, muster, seed, fault)
     lands = next((time for time, _, state in rows if state == "landing"), math.inf)
     why = report["drones"][0]["landed_because"]
-    # Who begins to land before the take-over is noticed has another reason, or none.
+    # A drone that begins to land before the take-over is noticed has another reason, or none.
     if report["violations"] or (why != TAKEN and lands > at_s + NOTICED_S):
         raise RuntimeError(f"seed {seed}, {at_s:.1f} s: {report['violations']}, {why}")
     seen = [time for time, _, state in rows if time >= at_s and state in ("landing", "landed", "finished")]
-    # Whoever arms again climbs again.
+    # A drone that arms again climbs again.
     after = [altitude for time, altitude, _ in rows if time >= at_s]
     if not after:
         raise RuntimeError(f"seed {seed}, {at_s:.1f} s: it was down before: {why}")
@@ -65,13 +65,13 @@ def main():
     in_air = [time for time, altitude, _ in rows if altitude > 0.5]
     first_s, last_s = in_air[0] + MARGIN_S, in_air[-1] - MARGIN_S
     moments = [rng.uniform(first_s, last_s) for _ in range(runs)]
-    told = []
+    delays_s = []
     with concurrent.futures.ThreadPoolExecutor(at_once) as pool:
         taken = pool.map(lambda seed: take_over(program, muster, seed, moments[seed - 1]), range(1, runs + 1))
         for seed, (at_s, after_s) in enumerate(zip(moments, taken), 1):
-            told.append(after_s)
+            delays_s.append(after_s)
             print(f"seed {seed}: taken over at {at_s:.1f} s, a landing for the swarm after {after_s:.2f} s", flush=True)
-    print(f"{runs} of {runs} taken over; a landing for the swarm after {statistics.median(told):.2f} s (median), {max(told):.2f} s (longest)")
+    print(f"{runs} of {runs} taken over; a landing for the swarm after {statistics.median(delays_s):.2f} s (median), {max(delays_s):.2f} s (longest)")
 
 
 main()

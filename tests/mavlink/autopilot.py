@@ -58,12 +58,12 @@ class Autopilot(threading.Thread):
                 self.legs.append((target, math.dist(self.position, self.target or self.position)))
                 self.target = target
         elif kind == "COMMAND_LONG":
-            accepted = self.obey(message)
+            accepted = self.execute(message)
             result = mav.MAV_RESULT_ACCEPTED if accepted else mav.MAV_RESULT_DENIED
             self.link.mav.command_ack_send(message.command, result)
             self.tell(mav.MAVLINK_MSG_ID_HEARTBEAT)
 
-    def obey(self, message):
+    def execute(self, message):
         command = message.command
         if command == mav.MAV_CMD_SET_MESSAGE_INTERVAL:
             self.asked[int(message.param1)] = [message.param2 / 1e6, 0.0]
@@ -113,12 +113,12 @@ class Autopilot(threading.Thread):
 
     def velocity_to(self, target):
         """Straight, no faster than allowed over ground and up or down, and so that it can brake."""
-        way = [to - at for to, at in zip(target, self.position)]
-        length = max(math.hypot(*way), 1e-9)
-        over_ground, vertical = math.hypot(way[0], way[1]) / length, abs(way[2]) / length
+        offset = [to - at for to, at in zip(target, self.position)]
+        length = max(math.hypot(*offset), 1e-9)
+        over_ground, vertical = math.hypot(offset[0], offset[1]) / length, abs(offset[2]) / length
         fastest = min(self.speed_mps / max(over_ground, 1e-9), self.climb_mps / max(vertical, 1e-9),
                       math.sqrt(ACCELERATION_MPS2 * length), length / 0.2)
-        return [by * fastest / length for by in way]
+        return [by * fastest / length for by in offset]
 
     def tell(self, number):
         to = self.link.mav

@@ -127,7 +127,7 @@ impl State {
         assert_eq!(header.system_id, 255, "{message:?}");
         match message {
             MavMessage::HEARTBEAT(_) => self.heard_at = Instant::now(),
-            MavMessage::COMMAND_LONG(command) => return self.obey(command),
+            MavMessage::COMMAND_LONG(command) => return self.execute(command),
             MavMessage::SET_POSITION_TARGET_LOCAL_NED(it) => {
                 let target = Ned::from([it.x, it.y, it.z].map(f64::from));
                 assert_eq!((self.mode, self.is_armed), (GUIDED, true));
@@ -143,11 +143,11 @@ impl State {
         Vec::new()
     }
 
-    fn obey(&mut self, command: &COMMAND_LONG_DATA) -> Vec<MavMessage> {
+    fn execute(&mut self, command: &COMMAND_LONG_DATA) -> Vec<MavMessage> {
         if command.command != MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL {
             self.commands.push(command.command);
         }
-        let is_obeyed = match command.command {
+        let is_accepted = match command.command {
             MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL => {
                 let (id, interval) = (command.param1 as u32, command.param2 / 1e6);
                 self.asked.retain(|(asked, ..)| *asked != id);
@@ -178,7 +178,7 @@ impl State {
             }
             other => panic!("{other:?}"),
         };
-        let result = match is_obeyed {
+        let result = match is_accepted {
             true => MavResult::MAV_RESULT_ACCEPTED,
             false => MavResult::MAV_RESULT_DENIED,
         };
@@ -232,15 +232,15 @@ impl State {
 
     /// Straight, no faster than allowed over ground and up or down, and so that it can brake.
     fn velocity_to(&self, to: Ned) -> Velocity {
-        let way = to - self.position;
-        let length_m = way.0.norm().max(1e-9);
+        let offset = to - self.position;
+        let length_m = offset.0.norm().max(1e-9);
         let over_ground = self.position.horizontal_distance_m(to) / length_m;
         let vertical = self.position.vertical_distance_m(to) / length_m;
         let fastest_mps = (self.speed_mps / over_ground.max(1e-9))
             .min(self.climb_mps / vertical.max(1e-9))
             .min((ACCELERATION_MPS2 * length_m).sqrt())
             .min(length_m / 0.1);
-        Velocity(way.0 * (fastest_mps / length_m))
+        Velocity(offset.0 * (fastest_mps / length_m))
     }
 
     fn due(&mut self, now: Instant) -> Vec<MavMessage> {

@@ -113,7 +113,7 @@ fn drone_that_restarts_in_the_air_without_its_journal_lands() {
 #[test]
 fn neither_a_bench_drone_nor_a_board_that_is_no_simulation_is_armed() {
     let (fleet, receivers) = controlled(&[], |id| Settings {
-        says_simulator: id != LEADER,
+        reports_simulator: id != LEADER,
         ..Settings::fit()
     });
     for id in [0, 2] {
@@ -124,7 +124,7 @@ fn neither_a_bench_drone_nor_a_board_that_is_no_simulation_is_armed() {
         drone.wait_for_mission(&state("TakingOff"));
         let before = receiver.received();
         // Six seconds at 50 Hz: a controller arms five seconds after its start.
-        wait_until("RC goes on", || receiver.received() >= before + 300);
+        wait_until("RC continues", || receiver.received() >= before + 300);
     }
     for (id, receiver) in (0..).zip(&receivers) {
         assert!(!receiver.truth().is_armed, "drone {id}");

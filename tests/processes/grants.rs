@@ -190,7 +190,7 @@ fn changed_controller_falls_to_bench_and_status_gives_the_reason() {
         assert!(fault(&status, "the stage falls to bench"), "{status:#}");
         assert!(fault(&status, why), "{status:#}");
         let receiver = &swapped[id as usize];
-        wait_until("RC goes on", || receiver.received() >= 50);
+        wait_until("RC continues", || receiver.received() >= 50);
         receiver.pilot(pilot(1_000, 1_000));
     }
     // Nobody takes the sticks of what these pilots arm.

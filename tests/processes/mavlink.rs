@@ -136,14 +136,14 @@ fn autopilot_that_does_not_say_that_it_is_a_simulation_gets_no_command() {
     let mut drones = fleet.fly();
     drones[PILOTED as usize].wait_for("it is refused", |line| {
         let message = line["message"].as_str().unwrap_or_default();
-        message.contains("does not say that it is a simulation")
+        message.contains("does not report a simulation")
     });
     wait_until("the others fly", || {
         fleet.status(1)["vehicle"]["altitude_m"].as_f64() > Some(1.0)
     });
-    let told = autopilot.state();
-    assert_eq!(told.commands, []);
-    assert!(!told.is_armed);
+    let state = autopilot.state();
+    assert_eq!(state.commands, []);
+    assert!(!state.is_armed);
 }
 
 #[test]
@@ -159,9 +159,9 @@ fn in_the_stage_bench_an_autopilot_is_asked_for_telemetry_and_gets_no_command() 
     wait_until("the others fly", || {
         fleet.status(1)["vehicle"]["altitude_m"].as_f64() > Some(1.0)
     });
-    let told = autopilot.state();
-    assert_eq!(told.commands, []);
-    assert_eq!(told.landed, MavLandedState::MAV_LANDED_STATE_ON_GROUND);
+    let state = autopilot.state();
+    assert_eq!(state.commands, []);
+    assert_eq!(state.landed, MavLandedState::MAV_LANDED_STATE_ON_GROUND);
 }
 
 #[test]

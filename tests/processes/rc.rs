@@ -116,8 +116,8 @@ fn gaps(name: &str, receiver: &Receiver, stalls: &Stalls, since: Instant) -> Gap
     Gaps { p99, longest }
 }
 
-/// How long RC goes on after now, when it is to end.
-fn rc_goes_on(receiver: &Receiver) -> Duration {
+/// How long RC lasts from now on, when a hang is to end it.
+fn rc_outlasts_hang(receiver: &Receiver) -> Duration {
     let (since, before) = (Instant::now(), receiver.received());
     let newest = receiver.seen().rc.last().map(|(at, _)| at.elapsed());
     assert!(newest < Some(Duration::from_millis(100)), "no RC before");
@@ -210,9 +210,9 @@ fn armed_controller_gets_rc_in_time_whatever_crashes_and_none_from_what_hangs() 
         actor: Address::Msp,
         fault: ActorFault::Hangs(None),
     });
-    let hung_actor = rc_goes_on(&receivers[0]);
+    let hung_actor = rc_outlasts_hang(&receivers[0]);
     fs::write(&hang, "").unwrap();
-    let hung_process = rc_goes_on(receiver);
+    let hung_process = rc_outlasts_hang(receiver);
     println!("RC of a hung actor: {hung_actor:?}, of a hung process: {hung_process:?}");
     assert!(hung_actor <= Duration::from_millis(150));
     assert!(hung_process <= Duration::from_millis(150));

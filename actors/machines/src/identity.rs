@@ -297,7 +297,7 @@ impl<'de> Deserialize<'de> for NodeSet {
     }
 }
 
-/// Reads a set. Rejects bounds that do not rise or are not in pairs.
+/// Reads a set. Rejects bounds that do not ascend or are not in pairs.
 struct Bounds;
 
 impl<'de> Visitor<'de> for Bounds {
@@ -314,10 +314,12 @@ impl<'de> Visitor<'de> for Bounds {
                 Some(_) if distance == 0 => None,
                 last => last.copied().unwrap_or(0).checked_add(distance),
             };
-            bounds.push(next.ok_or_else(|| A::Error::custom("bounds that do not rise"))?);
+            bounds.push(
+                next.ok_or_else(|| A::Error::custom("a set of ids needs ascending run bounds"))?,
+            );
         }
         if bounds.len() % 2 == 1 {
-            return Err(A::Error::custom("a run without an end"));
+            return Err(A::Error::custom("a set of ids needs bounds in pairs"));
         }
         Ok(NodeSet(bounds))
     }

@@ -40,7 +40,7 @@ pub use self::message::{
     MessageFrame, message_pieces,
 };
 pub use self::order::{
-    HOLD_MAX, Order, PLAN_PART_MAX, ROSTER_RUNS_MAX, Step, decode_order, encode_order,
+    HOLD_MAX, Order, PLAN_PART_MAX, Step, TASK_RUNS_MAX, decode_order, encode_order,
 };
 pub use self::packet::{ETX_UNIT, Flood, Member, Packet, Reception, Tree};
 pub use self::radio::{RadioPacket, decode_radio_packet, encode_radio_packet};

@@ -15,9 +15,9 @@ pub const AUX_MAX: usize = CHANNELS_MAX - 4;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Channel(u16);
 
-/// A pulse width that is no channel's or motor's.
+/// Pulse width outside the range of RC channels or motors.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
-#[error("{found_us} µs, {least_us} to {most_us} µs are allowed")]
+#[error("pulse width {found_us} µs is out of range; accepted: {least_us} to {most_us} µs")]
 pub struct OutOfRange {
     /// What was given, in µs.
     pub found_us: u16,

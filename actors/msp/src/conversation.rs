@@ -1,4 +1,4 @@
-//! A companion's side of a port: what it asks, and what it is told.
+//! A companion's side of a port: requests and answers.
 
 use std::time::Duration;
 
@@ -46,8 +46,8 @@ pub enum BadAnswer {
 pub struct Answer {
     /// How long it took, if it came in time.
     pub delay: Option<Duration>,
-    /// What it says; `None` if that is not for a link.
-    pub told: Result<Option<Telemetry>, BadAnswer>,
+    /// Its content; `None` if that is not for a link.
+    pub content: Result<Option<Telemetry>, BadAnswer>,
 }
 
 /// Asks a controller who it is and how it does, and sends RC on time. It is told the time, as a duration since any start.
@@ -130,11 +130,11 @@ impl Conversation {
             Answered::Late => {
                 return Some(Answer {
                     delay: None,
-                    told: Ok(Some(Telemetry::Late)),
+                    content: Ok(Some(Telemetry::Late)),
                 });
             }
         };
-        let told = if is_refused {
+        let content = if is_refused {
             Err(BadAnswer::Refused)
         } else {
             let decoded = match query == FURTHER_BOXES {
@@ -143,12 +143,12 @@ impl Conversation {
             };
             decoded.map_err(BadAnswer::Malformed)
         };
-        if let Ok(Some(Telemetry::Status(status))) = &told {
+        if let Ok(Some(Telemetry::Status(status))) = &content {
             self.confirm(status);
         }
         Some(Answer {
             delay: Some(delay),
-            told,
+            content,
         })
     }
 

@@ -40,24 +40,24 @@ struct Pace {
     /// Real time of the last step.
     at: Duration,
     /// Real time of the newest motors. `None` before the first.
-    told_at: Option<Duration>,
+    motors_at: Option<Duration>,
     is_still: bool,
     stalls: FirmwareStalls,
 }
 
 impl Pace {
-    /// The aircraft's time at a real time. `is_told`: motors have come since the last step. `turns`: some motor turns.
-    fn step(&mut self, at: Duration, is_told: bool, turns: bool) -> Timestamp {
+    /// The aircraft's time at a real time. `has_motors`: motors have come since the last step. `turns`: some motor turns.
+    fn step(&mut self, at: Duration, has_motors: bool, turns: bool) -> Timestamp {
         let passed = at.saturating_sub(self.at);
         self.at = at;
-        let silent = self.told_at.map_or(Duration::ZERO, |it| at - it);
+        let silent = self.motors_at.map_or(Duration::ZERO, |it| at - it);
         let is_stall = turns && silent >= STALL_MIN;
         if is_stall {
             self.stalls.note(!self.is_still, silent);
         }
-        self.is_still = is_stall && !is_told;
-        if is_told {
-            self.told_at = Some(at);
+        self.is_still = is_stall && !has_motors;
+        if has_motors {
+            self.motors_at = Some(at);
         }
         self.now += match turns {
             true if self.is_still && silent < WAIT_MAX => Duration::ZERO,
@@ -122,9 +122,9 @@ mod tests {
     }
 
     /// Real time goes on to `until` in steps of 1 ms; motors come with each, or not at all. Returns the aircraft's time.
-    fn pass(pace: &mut Pace, until: u64, is_told: bool, turns: bool) -> Duration {
+    fn pass(pace: &mut Pace, until: u64, has_motors: bool, turns: bool) -> Duration {
         while pace.at < ms(until) {
-            pace.step(pace.at + STEP, is_told, turns);
+            pace.step(pace.at + STEP, has_motors, turns);
         }
         pace.now.since(Timestamp::ZERO)
     }

@@ -36,7 +36,7 @@ pub struct Card {
     pub channel: u8,
     /// Its fixed rate, in Mbit/s: one of [`RATES_MBPS`].
     pub rate_mbps: u8,
-    /// Two letters of the country whose rules count for radio.
+    /// Country code of the radio regulations: two letters.
     pub country: String,
     /// Address of a time server. `None`: those of the distribution.
     pub time_server: Option<Ipv4Addr>,

@@ -89,7 +89,7 @@ impl Release {
         let mut rest = archive.into_inner().take(TRAILER_MAX);
         let read = io::copy(&mut rest, &mut io::sink());
         if read.map_err(broken)? == TRAILER_MAX {
-            return Err(refuse("goes on after its last file"));
+            return Err(refuse("has data after its last file"));
         }
         Ok(Self {
             manifest,

@@ -179,7 +179,10 @@ fn archive_that_does_not_end_is_refused() {
     gzip.finish().unwrap();
     let refused = Release::load(&path, &fleet_key(&folder)).unwrap_err();
     let refused = refused.rendered();
-    assert!(refused.contains("goes on after its last file"), "{refused}");
+    assert!(
+        refused.contains("has data after its last file"),
+        "{refused}"
+    );
 }
 
 #[test]

@@ -1,11 +1,11 @@
-//! Messages as what a link is told.
+//! Messages as reports to a link.
 
 use mavlink::dialects::common::{
     HEARTBEAT_DATA, MavAutopilot, MavLandedState, MavMessage, MavModeFlag, MavResult,
 };
 use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::{Ned, Velocity};
-use muster_machines::msp::autopilot::{Landed, Mode, Told};
+use muster_machines::msp::autopilot::{AutopilotReport, Landed, Mode};
 
 /// ArduCopter's mode GUIDED (`copter/mode.h`).
 pub(crate) const GUIDED: u32 = 4;
@@ -17,8 +17,8 @@ const PLACE_MAX_M: f32 = 100_000.0;
 /// What a message is good for.
 #[derive(Debug, PartialEq)]
 pub(crate) enum Message {
-    /// The link is told this.
-    Told(Told),
+    /// A report to the link.
+    Report(AutopilotReport),
     /// The autopilot refuses a command.
     Refused(String),
     /// Nobody asked for it.
@@ -29,20 +29,21 @@ pub(crate) enum Message {
 
 /// Reads a message of the autopilot.
 pub(crate) fn message(message: &MavMessage) -> Message {
-    let told = match message {
+    let report = match message {
         MavMessage::HEARTBEAT(heartbeat) => return self::heartbeat(heartbeat),
         MavMessage::EXTENDED_SYS_STATE(state) => match landed(state.landed_state) {
-            Some(landed) => Some(Told::Landed(landed)),
+            Some(landed) => Some(AutopilotReport::Landed(landed)),
             None => return Message::Other,
         },
         MavMessage::GPS_GLOBAL_ORIGIN(origin) => {
             let [latitude, longitude] = [origin.latitude, origin.longitude].map(f64::from);
             let altitude_m = f64::from(origin.altitude) / 1e3;
-            (Geodetic::new(latitude / 1e7, longitude / 1e7, altitude_m).ok()).map(Told::Origin)
+            (Geodetic::new(latitude / 1e7, longitude / 1e7, altitude_m).ok())
+                .map(AutopilotReport::Origin)
         }
         MavMessage::LOCAL_POSITION_NED(it) => place([it.x, it.y, it.z], [it.vx, it.vy, it.vz]),
         // ArduPilot sends it only where sensors and motors are simulated (`AP_SIM_ENABLED`).
-        MavMessage::SIM_STATE(_) => Some(Told::Simulated),
+        MavMessage::SIM_STATE(_) => Some(AutopilotReport::Simulated),
         // −1: unknown.
         MavMessage::SYS_STATUS(status) if status.battery_remaining == -1 => return Message::Other,
         MavMessage::BATTERY_STATUS(status) if status.battery_remaining == -1 || status.id != 0 => {
@@ -60,7 +61,7 @@ pub(crate) fn message(message: &MavMessage) -> Message {
         }
         _ => return Message::Other,
     };
-    told.map_or(Message::Bad, Message::Told)
+    report.map_or(Message::Bad, Message::Report)
 }
 
 /// Modes have numbers of their own in each autopilot.
@@ -68,7 +69,7 @@ fn heartbeat(heartbeat: &HEARTBEAT_DATA) -> Message {
     if heartbeat.autopilot != MavAutopilot::MAV_AUTOPILOT_ARDUPILOTMEGA {
         return Message::Bad;
     }
-    Message::Told(Told::Heartbeat {
+    Message::Report(AutopilotReport::Heartbeat {
         armed: (heartbeat.base_mode).contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED),
         mode: match heartbeat.custom_mode {
             GUIDED => Mode::Guided,
@@ -88,21 +89,21 @@ const fn landed(state: MavLandedState) -> Option<Landed> {
     }
 }
 
-fn place(position: [f32; 3], velocity: [f32; 3]) -> Option<Told> {
+fn place(position: [f32; 3], velocity: [f32; 3]) -> Option<AutopilotReport> {
     // False for what is no number.
     let is_sound = |it: &f32| it.abs() < PLACE_MAX_M;
     (position.iter().chain(&velocity)).all(is_sound).then(|| {
         let [north, east, down] = velocity.map(f64::from);
-        Told::Place {
+        AutopilotReport::Place {
             position: Ned::from(position.map(f64::from)),
             velocity: Velocity::new(north, east, down),
         }
     })
 }
 
-fn charge(percent: i8) -> Option<Told> {
+fn charge(percent: i8) -> Option<AutopilotReport> {
     let is_sound = (0..=100).contains(&percent);
-    is_sound.then(|| Told::Charge(f64::from(percent) / 100.0))
+    is_sound.then(|| AutopilotReport::Charge(f64::from(percent) / 100.0))
 }
 
 #[cfg(test)]

@@ -51,7 +51,7 @@ fn messages(order: Order, system: u8) -> Vec<MavMessage> {
     let command = |command, parameters| vec![command_long(system, command, parameters)];
     match order {
         Order::Heartbeat => vec![heartbeat()],
-        Order::Tell => {
+        Order::RequestTelemetry => {
             let ask = |(id, period_ms): (u32, u16)| {
                 let parameters = [
                     id as f32,
@@ -188,7 +188,7 @@ mod tests {
     #[test]
     fn datagrams_are_numbered_and_begin_as_mavlink_2() {
         let mut sequence = 254;
-        let datagrams = datagrams(Order::Tell, 1, &mut sequence);
+        let datagrams = datagrams(Order::RequestTelemetry, 1, &mut sequence);
         let numbers: Vec<_> = datagrams.iter().map(|it| (it[0], it[4])).collect();
         assert_eq!(
             numbers,

@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use mavlink::dialects::common::MavMessage;
 use mavlink::error::MessageReadError;
 use mavlink::{MavHeader, MavlinkReader, MavlinkVersion};
-use muster_machines::msp::autopilot::{Order, Told};
+use muster_machines::msp::autopilot::{AutopilotReport, Order};
 
 use crate::address::Address;
 use crate::decode::{self, Message};
@@ -42,8 +42,8 @@ pub struct Status {
 /// What happened at a port.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Event {
-    /// The autopilot told something.
-    Told(Told),
+    /// The autopilot reported something.
+    Report(AutopilotReport),
     /// The autopilot refused a command, with its name and the result.
     Refused(String),
 }
@@ -153,14 +153,14 @@ impl Shared {
             _ => Message::Bad,
         };
         match meant {
-            Message::Told(told) => {
-                if matches!(told, Told::Heartbeat { .. }) {
+            Message::Report(report) => {
+                if matches!(report, AutopilotReport::Heartbeat { .. }) {
                     (self.status.system, self.peer) = (system, Some(source));
                     self.heard_at = Some(Instant::now());
                 }
                 self.status.system?;
                 self.status.heard += 1;
-                Some(Event::Told(told))
+                Some(Event::Report(report))
             }
             Message::Refused(why) => {
                 self.status.refused += 1;
@@ -224,10 +224,17 @@ mod tests {
     fn only_the_autopilot_that_was_heard_first_is_believed() {
         let mut shared = Shared::default();
         let ours = header(1, AUTOPILOT);
-        assert_eq!(shared.read(&written(ours, &place()), SOURCE), [], "whose?");
-        let told = shared.read(&written(ours, &heartbeat()), SOURCE);
+        assert_eq!(
+            shared.read(&written(ours, &place()), SOURCE),
+            [],
+            "no heartbeat yet"
+        );
+        let events = shared.read(&written(ours, &heartbeat()), SOURCE);
         let (armed, mode) = (false, Mode::Other);
-        assert_eq!(told, [Event::Told(Told::Heartbeat { armed, mode })]);
+        assert_eq!(
+            events,
+            [Event::Report(AutopilotReport::Heartbeat { armed, mode })]
+        );
         for other in [header(2, AUTOPILOT), header(1, 190), header(257, AUTOPILOT)] {
             assert_eq!(shared.read(&written(other, &heartbeat()), SOURCE), []);
         }
@@ -240,8 +247,8 @@ mod tests {
         let ours = header(1, AUTOPILOT);
         let noise = [0, 3, 0xFE];
         let [first, second] = [heartbeat(), place()].map(|it| written(ours, &it));
-        let told = shared.read(&[&first[..], &noise, &second].concat(), SOURCE);
-        assert_eq!(told.len(), 2);
+        let events = shared.read(&[&first[..], &noise, &second].concat(), SOURCE);
+        assert_eq!(events.len(), 2);
     }
 
     #[test]

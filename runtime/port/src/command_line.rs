@@ -20,11 +20,11 @@ const PROMPT: &[u8] = b"\r\n# ";
 pub enum CommandLineError {
     /// It is for disarmed controllers only. Nothing was sent to it.
     #[error(
-        "the controller doesn't say that it is disarmed; its command line is for disarmed ones"
+        "the controller does not report that it is disarmed; its command line is for disarmed ones"
     )]
     NotDisarmed,
     /// The controller could not be asked whether it is armed. Nothing was sent to the command line.
-    #[error("can't tell whether the controller is armed")]
+    #[error("the controller does not report whether it is armed")]
     Unknown(#[from] AskError),
     /// It is open, and doesn't answer. The controller may need a restart.
     #[error("the command line doesn't answer")]

@@ -58,7 +58,7 @@ impl FlowPort {
     }
 }
 
-/// Keeps a port open on a thread of its own. `take` gets the measurements, and says whether it wants more; `told` gets why the
+/// Keeps a port open on a thread of its own. `take` gets the measurements, and says whether it wants more; `report` gets why the
 /// port failed or could not be opened, once until it is open again.
 ///
 /// # Errors
@@ -66,7 +66,7 @@ impl FlowPort {
 pub fn listen_flow(
     address: Address,
     mut take: impl FnMut(FlowReading) -> bool + Send + 'static,
-    mut told: impl FnMut(&io::Error) + Send + 'static,
+    mut report: impl FnMut(&io::Error) + Send + 'static,
 ) -> io::Result<()> {
     let thread = thread::Builder::new().name("optical-flow".to_owned());
     thread.spawn(move || {
@@ -83,7 +83,7 @@ pub fn listen_flow(
             });
             let Err(error) = read else { return };
             if std::mem::replace(&mut was_open, false) {
-                told(&error);
+                report(&error);
             }
             thread::sleep(back_off);
             back_off = BACK_OFF_MAX.min(2 * back_off);

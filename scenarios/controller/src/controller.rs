@@ -357,13 +357,13 @@ impl Controller {
             || view.measurement(serial, request)
             || serial.identify(request, &self.firmware.settings)
             || serial.describe(request, &self.firmware.settings);
-        if !is_answered && !self.obey(step, request) {
+        if !is_answered && !self.execute(step, request) {
             self.serial.refuse(request);
         }
     }
 
     /// Carries out an order. Yields whether it is one, and can be.
-    fn obey(&mut self, step: u64, request: &Request) -> bool {
+    fn execute(&mut self, step: u64, request: &Request) -> bool {
         match request.command {
             ReceivedRc::COMMAND => {
                 let Ok(rc) = ReceivedRc::decode(&request.payload) else {

@@ -72,8 +72,8 @@ impl Gusts {
         }
         let scale = Scale::at(height_m);
         let [level_m, vertical_m] = scale.lengths_m;
-        let way_m = airspeed_mps.max(AIRSPEED_MIN_MPS) * step_s;
-        let shares = Vector3::new(level_m, level_m, vertical_m).map(|length| way_m / length);
+        let distance_m = airspeed_mps.max(AIRSPEED_MIN_MPS) * step_s;
+        let shares = Vector3::new(level_m, level_m, vertical_m).map(|length| distance_m / length);
         let driven = shares.map(|share| libm::sqrt(2.0 * share));
         let noise = Vector3::from(self.noise.at(step));
         self.state += noise.component_mul(&driven) - self.state.component_mul(&shares);

@@ -225,7 +225,7 @@ fn people(file: &TomlFile<Raw>, map: &Map) -> Result<Vec<Walk>, BadInput> {
             && path.windows(2).all(is_leg);
         if !is_walk || !(0.1..=3.0).contains(speed_mps) {
             let help = "`path` has two places inside at least, straight legs without walls between; `speed_mps` is from 0.1 to 3";
-            return Err(file.error_with(person.span(), "nobody can walk so", help));
+            return Err(file.error_with(person.span(), "no person can walk so", help));
         }
         people.push(Walk {
             path,

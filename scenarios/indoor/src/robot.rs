@@ -92,8 +92,8 @@ impl Robot {
         let Some(odometry) = &mut self.odometry else {
             return motion;
         };
-        let way_m = libm::hypot(motion.forward_m, motion.left_m);
-        let spread_m = DISTANCE_M * libm::sqrt(way_m);
+        let distance_m = libm::hypot(motion.forward_m, motion.left_m);
+        let spread_m = DISTANCE_M * libm::sqrt(distance_m);
         let turn_rad = TURN_RAD * libm::sqrt(motion.turn_rad.abs());
         Motion {
             forward_m: motion.forward_m * odometry.scale + spread_m * normal(&mut odometry.rng),

@@ -19,7 +19,7 @@ use super::Violation;
 /// - A vehicle is armed only while its drone takes off or flies, and not again once it has begun to land: once a flight.
 /// - A drone whose process is restarted does not arm again in that flight. If it was ordered to fly and still on the ground,
 ///   it stays there.
-/// - No high arm switch leaves for a flight controller that has not said that it is a simulation: [`ArmSwitch`].
+/// - No high arm switch leaves for a flight controller that has not reported a simulation: [`ArmSwitch`].
 #[derive(Debug)]
 pub(crate) struct ArmingChecker {
     drones: Vec<Phase>,
@@ -181,7 +181,7 @@ impl ArmSwitch {
     pub(crate) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
         self.was_early.then(|| {
             let what = format!(
-                "drone {drone} has its arm switch high for a controller that has not said that it is a simulation"
+                "drone {drone} has its arm switch high for a controller that has not reported a simulation"
             );
             violation(now, drone, what)
         })

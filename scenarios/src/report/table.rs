@@ -385,9 +385,9 @@ fn bridges(report: &Report) -> Option<String> {
     (out_of_range > 0).then(|| {
         let bridges = bridges.join("; ");
         let masters = report.drones.iter().filter(|it| it.role == Role::Master);
-        let whose = if masters.count() > 1 { "their" } else { "the" };
+        let article = if masters.count() > 1 { "their" } else { "the" };
         format!(
-            "{} out of {whose} master's range; bridges: {bridges}",
+            "{} out of {article} master's range; bridges: {bridges}",
             plural(out_of_range, "drone")
         )
     })

@@ -10,7 +10,7 @@ use crate::report::{CompleteFile, WriteError, create_folder, json};
 
 /// File with the page for a browser.
 pub const THESIS_HTML: &str = "thesis.html";
-/// File with the figures and our runs; written last, so the page exists once it does.
+/// Thesis results and the reports of our runs, as JSON. Written last: if it exists, [`THESIS_HTML`] exists.
 pub const THESIS_JSON: &str = "thesis.json";
 
 /// Writes a comparison into the folder `dir`, which is created if needed. Returns the files, the page first.

@@ -10,7 +10,7 @@ use muster_machines::machine::Output;
 use muster_machines::msp::controller::{Gains, Noise, Stage, fix_place};
 use muster_machines::msp::{FlightCommand, Input, Link, PortEvent, Setpoint, Telemetry, Transmit};
 use muster_machines::time::Timestamp;
-use muster_msp::{Channel, StickResponse, Sticks, TICK, Telemetry as Told};
+use muster_msp::{Channel, StickResponse, Sticks, TICK, Telemetry as MspTelemetry};
 use muster_runtime::vehicle::VehicleKind;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -49,7 +49,7 @@ pub(super) struct Commanded {
     pub(super) throttle: f64,
 }
 
-/// What the drone is told of the attitude.
+/// Attitude as the drone gets it.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Attitude {
     pub(super) at_s: f64,
@@ -133,7 +133,7 @@ impl Test {
         self.controllers.show_pilot(DRONE, true);
         self.pass(Duration::from_secs(6))?;
         self.command(FlightCommand::Arm);
-        let is_armed = |it: &Self| it.telemetry.is_some_and(|told| told.armed);
+        let is_armed = |it: &Self| it.telemetry.is_some_and(|telemetry| telemetry.armed);
         if !self.pass_until(PATIENCE, is_armed)? {
             return Err(TuneError::NotArmed);
         }
@@ -158,7 +158,7 @@ impl Test {
     fn land(&mut self) -> Result<(), TuneError> {
         self.lands = true;
         self.command(FlightCommand::Land);
-        let is_down = |it: &Self| it.telemetry.is_some_and(|told| !told.armed);
+        let is_down = |it: &Self| it.telemetry.is_some_and(|telemetry| !telemetry.armed);
         match self.pass_until(PATIENCE, is_down)? {
             true => Ok(()),
             false => Err(TuneError::NotDown),
@@ -188,7 +188,9 @@ impl Test {
                     }
                     self.controllers.set_rc(self.now, DRONE, rc);
                 }
-                Output::Transmit(Transmit::Telemetry(told)) => self.telemetry = Some(told),
+                Output::Transmit(Transmit::Telemetry(telemetry)) => {
+                    self.telemetry = Some(telemetry);
+                }
                 Output::Transmit(_) | Output::Event(_) => {}
                 Output::Idle { .. } => return,
             }
@@ -234,20 +236,20 @@ impl Test {
         if let Some(violation) = self.controllers.check(self.now, DRONE) {
             return Err(TuneError::Broken(violation.what));
         }
-        let Some(told) = self.telemetry.filter(|it| it.armed && !self.lands) else {
+        let Some(telemetry) = self.telemetry.filter(|it| it.armed && !self.lands) else {
             return Ok(());
         };
-        if told.landing {
-            return Err(TuneError::Landed(told.landing_cause));
+        if telemetry.landing {
+            return Err(TuneError::Landed(telemetry.landing_cause));
         }
-        let strays_m = told.position.horizontal_distance_m(self.start);
+        let strays_m = telemetry.position.horizontal_distance_m(self.start);
         if strays_m > STRAYS_MAX_M {
             return Err(TuneError::Strayed { strays_m });
         }
         Ok(())
     }
 
-    /// Notes what the drone is told.
+    /// Notes what the drone gets.
     fn note(&mut self, event: &PortEvent) {
         let at_s = self.now.as_secs_f64();
         let recording = &mut self.recording;
@@ -260,21 +262,23 @@ impl Test {
                     axis.push((at_s, metres));
                 }
             }
-            PortEvent::Told(Told::Attitude(told)) => recording.attitudes.push(Attitude {
-                at_s,
-                tilt_rad: [told.pitch_ddeg, told.roll_ddeg]
-                    .map(|it| (f64::from(it) / 10.0).to_radians()),
-                yaw_rad: f64::from(told.yaw_deg).to_radians(),
-            }),
-            PortEvent::Told(Told::Gps(told)) => {
-                if let Some(place) = self.gps_home.and_then(|home| fix_place(home, told)) {
+            PortEvent::Telemetry(MspTelemetry::Attitude(attitude)) => {
+                recording.attitudes.push(Attitude {
+                    at_s,
+                    tilt_rad: [attitude.pitch_ddeg, attitude.roll_ddeg]
+                        .map(|it| (f64::from(it) / 10.0).to_radians()),
+                    yaw_rad: f64::from(attitude.yaw_deg).to_radians(),
+                });
+            }
+            PortEvent::Telemetry(MspTelemetry::Gps(gps)) => {
+                if let Some(place) = self.gps_home.and_then(|home| fix_place(home, gps)) {
                     let at_s = at_s - Noise::GPS.gps_delay.as_secs_f64();
                     recording.places[0].push((at_s, place.north_m()));
                     recording.places[1].push((at_s, place.east_m()));
                 }
             }
-            PortEvent::Told(Told::Altitude(told)) if self.gps_home.is_some() => {
-                recording.places[2].push((at_s, f64::from(told.altitude_cm) / 100.0));
+            PortEvent::Telemetry(MspTelemetry::Altitude(altitude)) if self.gps_home.is_some() => {
+                recording.places[2].push((at_s, f64::from(altitude.altitude_cm) / 100.0));
             }
             _ => {}
         }

@@ -35,10 +35,10 @@ pub enum TuneError {
     /// It did not come down.
     #[error("the aircraft was not down 30 s after it began to land")]
     NotDown,
-    /// The places that the drone was told do not tell how the aircraft responds.
+    /// The measured positions do not show how the aircraft responds.
     #[error(
-        "the test does not tell how the aircraft responds: its position errs too much; give the scenario a better \
-         `[vehicle.pose]`, or less wind"
+        "the step response can't be identified: the measured position has too large an error; use a more accurate \
+         `[vehicle.pose]` or less wind"
     )]
     Unclear,
     /// It has too little thrust to be controlled.

@@ -63,7 +63,7 @@ fn lift(commanded: &Commanded) -> f64 {
     commanded.throttle * commanded.throttle * ahead.cos() * right.cos()
 }
 
-/// Delay and lag between the tilts that were asked for and those that were told, in seconds.
+/// Delay and lag between the tilts that were asked for and those that were reported, in seconds.
 fn attitude_lag(recording: &Recording) -> (f64, f64) {
     let asked = [0, 1].map(|axis| tilt(recording, axis));
     let mut best = (f64::INFINITY, (0.0, 0.0));
@@ -87,13 +87,13 @@ fn tilt(recording: &Recording, axis: usize) -> Signal {
     Signal::held(points, &(0.0..recording.steps_up.end))
 }
 
-/// What remains of the told tilts without these and a constant, summed over squares.
+/// What remains of the reported tilts without these and a constant, summed over squares.
 fn tilt_error(recording: &Recording, expected: &[Signal; 2]) -> f64 {
-    let told = recording.attitudes.iter();
-    let told = told.filter(|it| recording.steps_sideways.contains(&it.at_s));
+    let reported = recording.attitudes.iter();
+    let reported = reported.filter(|it| recording.steps_sideways.contains(&it.at_s));
     let each = [0, 1].map(|axis| {
         let (mut count, mut sum, mut squares) = (0.0, 0.0, 0.0);
-        for attitude in told.clone() {
+        for attitude in reported.clone() {
             let error = attitude.tilt_rad[axis] - expected[axis].at(attitude.at_s);
             (count, sum, squares) = (count + 1.0, sum + error, squares + error * error);
         }

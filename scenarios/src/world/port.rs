@@ -5,12 +5,13 @@ use std::time::Duration;
 use muster_controller::Truth;
 use muster_machines::identity::NodeId;
 use muster_machines::msp::controller::{
-    ACKNOWLEDGED_MIN, HEIGHT_LOST_AFTER, LOST_AFTER, Stage, UNTOLD_AFTER,
+    ACKNOWLEDGED_MIN, FRESH_ANSWER_TIMEOUT, HEIGHT_LOST_AFTER, LOST_AFTER, Stage,
 };
 use muster_machines::msp::{Introduction, PortEvent};
 use muster_machines::time::Timestamp;
 use muster_msp::{
-    Conversation, Decoder, Direction, Frame, Identity, Message, SetRawRc, Telemetry as Told, Write,
+    Conversation, Decoder, Direction, Frame, Identity, Message, SetRawRc,
+    Telemetry as MspTelemetry, Write,
 };
 
 use crate::checkers::{ArmSwitch, RC_GAP_MAX, RcGaps, Violation};
@@ -95,12 +96,12 @@ impl Port {
         self.loss.heard_at = now;
     }
 
-    /// What a link that starts now is told.
+    /// Events for a link that starts now.
     pub(super) fn introduction(&self, now: Timestamp) -> impl Iterator<Item = PortEvent> + use<> {
         self.introduction.events(now)
     }
 
-    /// Reads what has come, and writes one command. `is_open`: whether the line is. `tell` takes what the link is told.
+    /// Reads what has come, and writes one command. `is_open`: whether the line is. `tell` takes events for the link.
     pub(super) fn tick(
         &mut self,
         now: Timestamp,
@@ -175,19 +176,19 @@ impl Port {
                 figures.rc_acknowledged += 1;
                 conversation.acknowledged();
             } else if let Some(Ok(Some(telemetry))) =
-                conversation.take(elapsed(now), &frame).map(|it| it.told)
+                conversation.take(elapsed(now), &frame).map(|it| it.content)
             {
                 loss.hear(now, &telemetry);
-                events.push(PortEvent::Told(telemetry));
+                events.push(PortEvent::Telemetry(telemetry));
             }
         };
         self.decoder.read(received, &mut take);
         self.decoder.expire(elapsed(now), &mut take);
-        if let Some(told) = conversation.count_acknowledged() {
-            if let Told::Acknowledged(count) = told {
+        if let Some(telemetry) = conversation.count_acknowledged() {
+            if let MspTelemetry::Acknowledged(count) = telemetry {
                 self.loss.count_acknowledged(count);
             }
-            events.push(PortEvent::Told(told));
+            events.push(PortEvent::Telemetry(telemetry));
         }
         if !self.is_identified
             && let Some(identity) = self.conversation.identity()
@@ -225,23 +226,23 @@ pub(super) struct Loss {
     /// The newest answer of an armed controller.
     heard_at: Timestamp,
     /// The newest that was not too late to be used.
-    told_at: Timestamp,
+    fresh_at: Timestamp,
     /// The newest height, by the controller or a pose.
     pub(super) height_at: Timestamp,
 }
 
 impl Loss {
-    /// A tick begins. The link's timer ends before it is told what arrives now.
+    /// A tick begins. The link's timer ends before it gets what arrives now.
     pub(super) fn begin(&mut self, now: Timestamp) {
         self.is_lost |= self.was_armed && self.is_silent(now);
     }
 
-    fn hear(&mut self, now: Timestamp, told: &Told) {
+    fn hear(&mut self, now: Timestamp, telemetry: &MspTelemetry) {
         self.heard_at = now;
-        if *told != Told::Late {
-            self.told_at = now;
+        if *telemetry != MspTelemetry::Late {
+            self.fresh_at = now;
         }
-        if let Told::Altitude(_) = told {
+        if let MspTelemetry::Altitude(_) = telemetry {
             self.height_at = now;
         }
     }
@@ -252,7 +253,7 @@ impl Loss {
 
     fn look(&mut self, now: Timestamp, truth: &Truth) {
         if !truth.is_armed {
-            (self.heard_at, self.told_at, self.height_at) = (now, now, now);
+            (self.heard_at, self.fresh_at, self.height_at) = (now, now, now);
             self.is_lost = false;
         }
         self.is_lost |= truth.is_failsafe || self.is_silent(now);
@@ -262,7 +263,7 @@ impl Loss {
     fn is_silent(&self, now: Timestamp) -> bool {
         // Of the heights that came, the link may have doubted the newest.
         now.since(self.heard_at) >= LOST_AFTER
-            || now.since(self.told_at) >= UNTOLD_AFTER
+            || now.since(self.fresh_at) >= FRESH_ANSWER_TIMEOUT
             || now.since(self.height_at) >= HEIGHT_LOST_AFTER - RC_GAP_MAX
     }
 }

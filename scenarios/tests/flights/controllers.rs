@@ -86,7 +86,7 @@ fn answers_that_all_come_too_late_lose_the_link_and_the_failsafe_brings_the_dron
 }
 
 #[test]
-fn a_port_that_is_closed_for_a_moment_stops_nobody() {
+fn port_closed_for_a_moment_stops_no_drone() {
     for seed in SEEDS {
         let closed = r#"{ at_s = 30, kind = "close-port", drone = 1, for_s = 0.3 }"#;
         assert_completed(&flown(seed, closed), seed);
@@ -128,7 +128,7 @@ fn a_sagging_battery_brings_its_drone_down() {
 }
 
 #[test]
-fn drone_whose_aircraft_ignores_commands_lands_and_the_others_finish() {
+fn drone_with_an_unresponsive_aircraft_lands_and_the_others_finish() {
     for (fault, why) in [
         (
             r#"kind = "weaken-motor", share = 0.4"#,
@@ -150,7 +150,7 @@ fn drone_whose_aircraft_ignores_commands_lands_and_the_others_finish() {
 }
 
 #[test]
-fn an_aircraft_whose_thrust_comes_back_neither_climbs_away_nor_falls() {
+fn aircraft_that_regains_thrust_neither_climbs_away_nor_falls() {
     let mut sweep = Sweep::default();
     for receiver in ["vehicle.receiver=sole", "vehicle.receiver=override"] {
         for at_s in [20, 30] {
@@ -187,7 +187,7 @@ fn heavy_aircraft_fly_the_mission() {
 
 /// Another one's last slot is where it was killed.
 #[test]
-fn an_aircraft_whose_companion_was_killed_lies_in_nobodys_way() {
+fn aircraft_of_a_killed_companion_does_not_block_the_others() {
     let mut sweep = Sweep::default();
     for receiver in ["vehicle.receiver=sole", "vehicle.receiver=override"] {
         for seed in sweep.of(1..=20) {
@@ -202,7 +202,7 @@ fn an_aircraft_whose_companion_was_killed_lies_in_nobodys_way() {
 }
 
 #[test]
-fn a_drone_whose_pilot_takes_over_lands_for_the_swarm_and_the_others_finish() {
+fn drone_taken_over_by_its_pilot_lands_for_the_swarm_and_the_others_finish() {
     for seed in SEEDS {
         let fault = r#"{ at_s = 30, kind = "take-over", drone = 1 }"#;
         let faults = format!("faults=[{fault}]");
@@ -242,7 +242,7 @@ fn flight_of_pilots() -> std::ops::Range<f64> {
 }
 
 #[test]
-fn swarm_goes_on_whenever_a_pilot_takes_a_drone_over() {
+fn swarm_continues_whenever_a_pilot_takes_a_drone_over() {
     let flight = flight_of_pilots();
     let mut rng = ChaCha8Rng::seed_from_u64(25);
     for seed in 1..=8 {
@@ -252,7 +252,7 @@ fn swarm_goes_on_whenever_a_pilot_takes_a_drone_over() {
 
 #[test]
 #[ignore = "a hundred flights: .ci/nightly"]
-fn swarm_goes_on_at_a_hundred_moments_at_which_a_pilot_takes_a_drone_over() {
+fn swarm_continues_at_a_hundred_moments_at_which_a_pilot_takes_a_drone_over() {
     let flight = flight_of_pilots();
     let mut rng = ChaCha8Rng::seed_from_u64(100);
     for seed in 1..=100 {
@@ -308,7 +308,7 @@ fn an_aircraft_that_came_down_without_its_process_stays_there_when_that_is_back(
 
 /// Without GPS it drifts, and begins its landing anew; by then it is below where its barometer says that the ground is.
 #[test]
-fn an_aircraft_that_begins_its_landing_anew_near_the_ground_goes_on_down() {
+fn an_aircraft_that_begins_its_landing_anew_near_the_ground_continues_down() {
     let changes = [
         "seed=6492",
         "formation.kind=circular",

@@ -24,7 +24,7 @@ fn assert_found(flaw: Flaw, test: fn(), expected: &[&str]) {
 
 /// `tests/processes` checks that the same symbol is not in the `musterd` that it runs.
 #[test]
-fn program_with_planted_flaws_has_their_symbol() {
+fn binary_with_planted_flaws_contains_the_marker_symbol() {
     let own = std::env::current_exe().unwrap();
     let mut search = std::process::Command::new("grep");
     let found = search.args(["-qaF", "4flaw7planted"]).arg(own).status();

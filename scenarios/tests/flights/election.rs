@@ -193,7 +193,7 @@ fn report_shows_who_leads_and_relays_after_elections() {
     let bridges = vec![(5, (0..5).collect()), (9, (10..15).collect())];
     assert_eq!(halves, (vec![6, 7, 8], bridges));
     let (masters, _) = led(&report("cut-two-apart.toml", &[]));
-    assert_eq!(masters, [2], "the parts have met");
+    assert_eq!(masters, [2], "the segments have merged");
     for name in [
         "election-line.toml",
         "cut-two-apart.toml",

@@ -100,7 +100,7 @@ fn master_lost_between_waves_leaves_the_later_waves_on_the_ground() {
 }
 
 #[test]
-fn hung_or_restarted_drone_in_any_wave_breaks_no_rule() {
+fn hung_or_restarted_drone_in_any_takeoff_wave_breaks_no_rule() {
     let mut sweep = Sweep::default();
     for (seed, at_s) in (0..).zip([8, 20, 35, 50, 70, 100, 130, 150, 180]) {
         for what in sweep.of([

@@ -29,8 +29,15 @@ pub(super) fn run(
     let hosts = hosts::commands(file)?;
     folder::check_writable(out)?;
     let program = std::env::current_exe().map_err(Failure::Print)?;
-    let said = |words: &str| {
-        let _ = std::io::Write::write_all(&mut std::io::stderr(), format!("{words}\n").as_bytes());
+    let report = |text: &str| {
+        let _ = std::io::Write::write_all(
+            &mut std::io::stderr(),
+            format!(
+                "{text}
+"
+            )
+            .as_bytes(),
+        );
     };
     let parts = spread(
         &SpreadRequest {
@@ -41,7 +48,7 @@ pub(super) fn run(
             runs: campaign.shard_runs(),
             folder: &out.join("parts"),
         },
-        &said,
+        &report,
     )?;
     let whole = out.join("whole");
     let published = campaign::merge(&parts, &whole)?;

@@ -40,7 +40,7 @@ pub(super) struct Arguments {
     /// Its fixed rate, in Mbit/s.
     #[arg(long, value_name = "RATE", default_value_t = 6, value_parser = rate)]
     rate_mbps: u8,
-    /// Country whose rules count for radio, such as DE.
+    /// Country code of the radio regulations, such as DE.
     #[arg(long, value_name = "CODE", value_parser = country)]
     country: String,
     /// Address of a time server in the drones' network

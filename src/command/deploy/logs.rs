@@ -18,7 +18,7 @@ pub(super) struct Arguments {
     /// The newest lines to show.
     #[arg(long, value_name = "N", default_value_t = 100)]
     lines: u32,
-    /// Go on with new lines until interrupted.
+    /// Print new lines until interrupted.
     #[arg(long)]
     follow: bool,
 }

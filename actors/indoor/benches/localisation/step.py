@@ -20,9 +20,9 @@ def field(rng):
 
 def step(rng, table, x, y, heading, ends):
     count = len(x)
-    way = 0.02 + 0.01 * rng.standard_normal(count, dtype=np.float32)
+    distance = 0.02 + 0.01 * rng.standard_normal(count, dtype=np.float32)
     direction = heading + 0.01 * rng.standard_normal(count, dtype=np.float32)
-    x, y = x + way * np.cos(direction), y + way * np.sin(direction)
+    x, y = x + distance * np.cos(direction), y + distance * np.sin(direction)
     heading = direction + 0.02 + 0.01 * rng.standard_normal(count, dtype=np.float32)
     sin, cos = np.sin(heading)[:, None], np.cos(heading)[:, None]
     ahead, left = ends

@@ -174,7 +174,8 @@ impl VfhPlus {
     }
 }
 
-/// What a cell covers. One nearer than `radius_m` has no tangent (asin of more than 1): it blocks the half circle on its side.
+/// Sectors that an obstacle in grid cell `index` blocks, enlarged by `radius_m`, and its weight. Within `radius_m` asin is
+/// undefined: it blocks the half circle on its side.
 fn cover(index: usize, radius_m: f64) -> Cover {
     let (x_m, y_m) = offset_m(index);
     let distance_m = libm::hypot(x_m, y_m);

@@ -20,11 +20,11 @@ pub struct Config {
     pub alpha1: f64,
     /// Variance of the turn, rad² for each m² moved. AMCL's default, 0.2, is that of poor wheels.
     pub alpha2: f64,
-    /// Variance of the way, m² for each m² moved.
+    /// Variance of the distance, m² for each m² moved.
     pub alpha3: f64,
-    /// Variance of the way, m² for each rad² turned.
+    /// Variance of the distance, m² for each rad² turned.
     pub alpha4: f64,
-    /// Variance aside of the way, m² for each m² moved; for [`OdomModel::Omni`].
+    /// Variance across the motion, m² for each m² moved; for [`OdomModel::Omni`].
     pub alpha5: f64,
     /// Random walk without odometry, m² a second.
     pub walk_m2: f64,

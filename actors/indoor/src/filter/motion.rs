@@ -60,8 +60,8 @@ fn diff(
     metres_per_cell: f64,
     noise: &mut Noise,
 ) {
-    let way_m = libm::hypot(motion.forward_m, motion.left_m);
-    let first = if way_m < STANDSTILL_M {
+    let distance_m = libm::hypot(motion.forward_m, motion.left_m);
+    let first = if distance_m < STANDSTILL_M {
         0.0
     } else {
         libm::atan2(motion.left_m, motion.forward_m)
@@ -71,8 +71,8 @@ fn diff(
         let back = wrapped_rad(turn - std::f64::consts::PI).abs();
         turn.abs().min(back)
     };
-    let deviation = |of_turn: f64, of_way: f64, turns: f64| {
-        libm::sqrt(of_turn * turns + of_way * way_m * way_m) as f32
+    let deviation = |of_turn: f64, of_distance: f64, turns: f64| {
+        libm::sqrt(of_turn * turns + of_distance * distance_m * distance_m) as f32
     };
     let (squared_first, squared_second) = (
         amount(first) * amount(first),
@@ -80,26 +80,26 @@ fn diff(
     );
     let first_noise = deviation(config.alpha1, config.alpha2, squared_first);
     let second_noise = deviation(config.alpha1, config.alpha2, squared_second);
-    let way_noise = deviation(config.alpha4, config.alpha3, squared_first + squared_second)
+    let distance_noise = deviation(config.alpha4, config.alpha3, squared_first + squared_second)
         / metres_per_cell as f32;
-    let (first, second, way) = (
+    let (first, second, distance) = (
         first as f32,
         second as f32,
-        (way_m / metres_per_cell) as f32,
+        (distance_m / metres_per_cell) as f32,
     );
     let poses = particles.x.iter_mut().zip(&mut particles.y);
     for ((x, y), heading) in poses.zip(&mut particles.heading) {
         let direction = *heading + first + first_noise * noise.normal();
         let (sin, cos) = sin_cos(direction);
-        let way = way + way_noise * noise.normal();
-        *x += way * cos;
-        *y += way * sin;
+        let distance = distance + distance_noise * noise.normal();
+        *x += distance * cos;
+        *y += distance * sin;
         *heading = direction + second + second_noise * noise.normal();
     }
 }
 
-/// Ways along and aside and the turn each have their own noise: the direction of a motion says nothing of how far the heading
-/// turned. As AMCL's `omni`; there the noise of ways by turns is `alpha1`.
+/// The distances along and across the motion and the turn each have their own noise: the direction of a motion does not show how
+/// far the heading turned. As AMCL's `omni`; there the noise of distances by turns is `alpha1`.
 fn omni(
     particles: &mut Particles,
     motion: Motion,
@@ -107,23 +107,24 @@ fn omni(
     metres_per_cell: f64,
     noise: &mut Noise,
 ) {
-    let way_sq = motion.forward_m * motion.forward_m + motion.left_m * motion.left_m;
+    let distance_sq = motion.forward_m * motion.forward_m + motion.left_m * motion.left_m;
     let turn_sq = motion.turn_rad * motion.turn_rad;
-    let deviation = |of_turn: f64, of_way: f64| libm::sqrt(of_turn * turn_sq + of_way * way_sq);
+    let deviation =
+        |of_turn: f64, of_distance: f64| libm::sqrt(of_turn * turn_sq + of_distance * distance_sq);
     let turn_noise = deviation(config.alpha1, config.alpha2) as f32;
     let along_noise = (deviation(config.alpha4, config.alpha3) / metres_per_cell) as f32;
     let aside_noise = (deviation(config.alpha4, config.alpha5) / metres_per_cell) as f32;
-    let course = if way_sq > 0.0 {
+    let course = if distance_sq > 0.0 {
         libm::atan2(motion.left_m, motion.forward_m) as f32
     } else {
         0.0
     };
-    let way = (libm::sqrt(way_sq) / metres_per_cell) as f32;
+    let distance = (libm::sqrt(distance_sq) / metres_per_cell) as f32;
     let turn = motion.turn_rad as f32;
     let poses = particles.x.iter_mut().zip(&mut particles.y);
     for ((x, y), heading) in poses.zip(&mut particles.heading) {
         let (sin, cos) = sin_cos(*heading + course);
-        let along = way + along_noise * noise.normal();
+        let along = distance + along_noise * noise.normal();
         let aside = aside_noise * noise.normal();
         *x += along * cos - aside * sin;
         *y += along * sin + aside * cos;
@@ -164,11 +165,11 @@ mod tests {
         (mean, variance.sqrt())
     }
 
-    fn only(turn: f64, way: f64) -> Config {
+    fn only(turn: f64, distance: f64) -> Config {
         Config {
             alpha1: turn,
             alpha2: 0.0,
-            alpha3: way,
+            alpha3: distance,
             alpha4: 0.0,
             ..Config::default()
         }
@@ -188,11 +189,11 @@ mod tests {
         let (_, heading) = spread(&turned.heading);
         assert!((heading - 0.2).abs() < 0.01, "{heading}");
         let went = moved(motion(2.0, 0.0), &only(0.0, 0.04));
-        let (ahead, way) = spread(&went.x);
+        let (ahead, deviation) = spread(&went.x);
         // 2 m are 4 cells, a deviation of 0.4 m is 0.8.
         assert!(
-            (ahead - 4.0).abs() < 0.05 && (way - 0.8).abs() < 0.03,
-            "{ahead} {way}"
+            (ahead - 4.0).abs() < 0.05 && (deviation - 0.8).abs() < 0.03,
+            "{ahead} {deviation}"
         );
         assert!(spread(&went.heading).1 < 1e-6);
     }

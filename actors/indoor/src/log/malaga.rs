@@ -17,8 +17,8 @@ pub(super) fn parse(text: &str) -> Result<Vec<Step>, Refusal> {
         }
         words.number("the index", (0.0, 1e9))?;
         let motion = Motion {
-            forward_m: words.number("the way forward in metres", MOTION_MAX)?,
-            left_m: words.number("the way to the left in metres", MOTION_MAX)?,
+            forward_m: words.number("the distance forward in metres", MOTION_MAX)?,
+            left_m: words.number("the distance to the left in metres", MOTION_MAX)?,
             turn_rad: words.number("the turn in radians", MOTION_MAX)?,
         };
         let view_rad = words.number("the field of view in radians", (0.0, 6.3))?;

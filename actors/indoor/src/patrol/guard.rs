@@ -12,7 +12,7 @@ const STOP_M: f64 = 0.2;
 /// Time that an echo may be old, and the velocity may need to take effect.
 const DELAY: Duration = Duration::from_millis(250);
 
-/// The last word of one sonar, as long as it is valid and the sonar works.
+/// Latest reading of one sonar, while it is valid and the sonar works.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Watch {
     pub(super) mounting: Mounting,

@@ -108,16 +108,16 @@ impl Sonars {
         self.all.iter().any(|sonar| sonar.fault.is_some())
     }
 
-    /// The last words of the sonars that work, as far as they are valid.
+    /// Latest valid readings of the working sonars.
     pub(super) fn watches(&self, now: Timestamp) -> Vec<Watch> {
         let working = self.all.iter().filter(|sonar| sonar.works(now));
         let now = Duration::from_nanos(now.as_nanos());
-        let words = working.filter_map(|sonar| sonar.last.filter(|it| now < it.expires));
+        let readings = working.filter_map(|sonar| sonar.last.filter(|it| now < it.expires));
         let watch = |reading: Reading| Watch {
             mounting: reading.mounting,
             echo: reading.echo,
         };
-        words.map(watch).collect()
+        readings.map(watch).collect()
     }
 
     /// The axis of the working sonar that looks most nearly forward, in radians from forward: it is turned to the course.

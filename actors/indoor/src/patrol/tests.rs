@@ -234,7 +234,7 @@ fn silence_alone_is_no_open_space_and_a_drone_without_echoes_lands() {
 }
 
 #[test]
-fn a_restarted_patrol_goes_on_from_pose_covariance_and_what_was_seen() {
+fn a_restarted_patrol_continues_from_pose_covariance_and_what_was_seen() {
     let config = config();
     let mut bench = Bench::new(&config);
     for _ in 0..300 {

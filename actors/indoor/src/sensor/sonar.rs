@@ -172,18 +172,18 @@ fn stray(
             let second = hit.towards(mirrored_rad, second_m - 0.01);
             back(map, second, first_m + second_m, listener, mounting)
         });
-        let way_m = direct.into_iter().chain(twice).min_by(f64::total_cmp)?;
+        let distance_m = direct.into_iter().chain(twice).min_by(f64::total_cmp)?;
         // Sound that is weaker than its own farthest echo is not heard.
-        if way_m > 2.0 * reach_m {
+        if distance_m > 2.0 * reach_m {
             return None;
         }
-        let range_m = (way_m - ping.earlier_s * SOUND_MPS) / 2.0;
+        let range_m = (distance_m - ping.earlier_s * SOUND_MPS) / 2.0;
         (range_m >= mounting.range_min_m).then_some(range_m)
     });
     heard.min_by(f64::total_cmp)
 }
 
-/// The whole way of sound to a listener that sees its last reflection; `None` if it is out of its cone or behind a wall.
+/// Length of the path of sound to a listener that sees its last reflection; `None` if it is out of its cone or behind a wall.
 fn back(
     map: &Map,
     hit: MapXy,

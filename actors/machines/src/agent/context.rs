@@ -42,8 +42,8 @@ impl Context<'_> {
     /// Drones that are on task, as far as is known, this one included. The leader's knowledge, which reaches the others
     /// with a delay; a drone that hears no leader keeps the last one.
     #[must_use]
-    pub const fn roster(&self) -> &NodeSet {
-        &self.state.roster
+    pub const fn drones_on_task(&self) -> &NodeSet {
+        &self.state.drones_on_task
     }
 
     /// The current leader.

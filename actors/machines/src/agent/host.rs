@@ -72,7 +72,7 @@ pub(super) struct State {
     pub(super) durable: Checkpoint,
     pub(super) rng: ChaCha8Rng,
     pub(super) timers: Timers,
-    pub(super) roster: NodeSet,
+    pub(super) drones_on_task: NodeSet,
     pub(super) leader: NodeId,
     pub(super) position: Ned,
     pub(super) requests: Requests,
@@ -93,7 +93,7 @@ pub struct Host {
     mission: Mission,
     runner: Runner,
     state: State,
-    /// Whether the agent was told of the leader and the roster.
+    /// Whether the agent was told of the leader and the drones on task.
     is_informed: bool,
     is_leader_silent: bool,
     next_telemetry: Option<Timestamp>,
@@ -124,7 +124,7 @@ impl Host {
         let state = State {
             durable: checkpoint.unwrap_or_default(),
             timers: Timers::default(),
-            roster: config.id.into(),
+            drones_on_task: config.id.into(),
             leader: config.id,
             position: config.slot,
             // Reports on messages that were sent before a restart must not meet new ones.
@@ -235,7 +235,7 @@ impl Host {
             self.is_informed = true;
             self.is_leader_silent = is_silent;
             self.state.leader = leader;
-            self.state.roster = self.mission.roster().clone();
+            self.state.drones_on_task = self.mission.drones_on_task().clone();
             if let Some(goal) = self.state.durable.goal {
                 self.outbox.transmit(Transmit::Goal(goal));
             }
@@ -254,17 +254,17 @@ impl Host {
                 },
             );
         }
-        self.report_roster(now);
+        self.report_drones_on_task(now);
     }
 
-    fn report_roster(&mut self, now: Timestamp) {
-        let roster = self.mission.roster();
-        if *roster == self.state.roster {
+    fn report_drones_on_task(&mut self, now: Timestamp) {
+        let on_task = self.mission.drones_on_task();
+        if *on_task == self.state.drones_on_task {
             return;
         }
-        let lost = self.state.roster.difference(roster);
-        let joined = roster.difference(&self.state.roster);
-        self.state.roster = roster.clone();
+        let lost = self.state.drones_on_task.difference(on_task);
+        let joined = on_task.difference(&self.state.drones_on_task);
+        self.state.drones_on_task = on_task.clone();
         if !lost.is_empty() {
             self.swarm(now, SwarmEvent::MembersLost(lost));
         }

@@ -121,9 +121,9 @@ pub enum SwarmEvent {
     LeaderSilent,
     /// The silent leader was heard again.
     LeaderReturned,
-    /// Drones left the roster: they were silent for their time to live, or are landing.
+    /// Drones are no longer on task: they were silent for their time to live, or are landing.
     MembersLost(NodeSet),
-    /// Drones joined the roster, or returned to it.
+    /// Drones are on task now, for the first time or again.
     MembersJoined(NodeSet),
     /// What became of a message: reported for those that are to be acknowledged, and for those that were dropped.
     MessageSent {

@@ -239,7 +239,7 @@ fn host(
     )
 }
 
-fn roster(ids: &[u32]) -> NodeSet {
+fn ids(ids: &[u32]) -> NodeSet {
     ids.iter().copied().map(NodeId).collect()
 }
 
@@ -263,7 +263,7 @@ fn member_in_slot() -> Drone {
 fn member_on_task() -> Drone {
     let mut drone = member_in_slot();
     let order = Order::Task {
-        roster: roster(&[0, 1, 2]),
+        drones: ids(&[0, 1, 2]),
     };
     drone.order(3, &order);
     assert_eq!(drone.calls(), ["start, kept None"]);
@@ -290,7 +290,7 @@ fn messages(transmits: &[Transmit]) -> usize {
 fn agent_starts_once_its_drone_is_on_task_and_its_checkpoint_leaves_first() {
     let mut drone = member_in_slot();
     let order = Order::Task {
-        roster: roster(&[0, 1, 2]),
+        drones: ids(&[0, 1, 2]),
     };
     let mut emitted = Vec::new();
     let input = Input::Routing(Notice::Order {
@@ -346,7 +346,7 @@ fn agent_gets_leaders_and_members() {
     drone.notice(Notice::MasterSilent);
     drone.notice(Notice::MasterReturned);
     let order = Order::Task {
-        roster: roster(&[1, 2]),
+        drones: ids(&[1, 2]),
     };
     drone.order(4, &order);
     drone.notice(Notice::Leader(ballot(2, 1, 0)));
@@ -379,7 +379,7 @@ fn agent_that_lands_when_a_timer_expires_has_no_deadline_left() {
 }
 
 #[test]
-fn elected_leader_publishes_the_roster_without_the_lost_one() {
+fn elected_leader_publishes_the_drones_on_task_without_the_lost_one() {
     let mut drone = member_on_task();
     drone.notice(Notice::MasterSilent);
     let (transmits, _) = drone.wait(SECOND / 2);
@@ -394,7 +394,7 @@ fn elected_leader_publishes_the_roster_without_the_lost_one() {
     assert_eq!(
         orders,
         [Order::Task {
-            roster: roster(&[0, 1, 2])
+            drones: ids(&[0, 1, 2])
         }]
     );
     let (transmits, _) = drone.notice(Notice::Silent(MASTER.into()));
@@ -403,13 +403,13 @@ fn elected_leader_publishes_the_roster_without_the_lost_one() {
             .iter()
             .any(|it| matches!(it, Transmit::Publish { .. }))
     );
-    assert_eq!(*drone.host.mission().roster(), roster(&[0, 2]));
+    assert_eq!(*drone.host.mission().drones_on_task(), ids(&[0, 2]));
     drone.notice(Notice::Progress {
         sequence: 2,
         acknowledged: MASTER.into(),
         landing: NodeSet::default(),
     });
-    assert_eq!(*drone.host.mission().roster(), roster(&[0, 1, 2]));
+    assert_eq!(*drone.host.mission().drones_on_task(), ids(&[0, 1, 2]));
 }
 
 #[test]
@@ -426,7 +426,7 @@ fn drone_that_is_not_in_its_slot_when_the_task_begins_lands() {
     let (_, events) = drone.order(
         3,
         &Order::Task {
-            roster: roster(&[1, 2]),
+            drones: ids(&[1, 2]),
         },
     );
     assert!(events.contains(&Event::Landing(LandingReason::Late)));

@@ -9,9 +9,9 @@ use crate::time::Timestamp;
 
 impl Mission {
     pub(super) fn execute_order(&mut self, now: Timestamp, sequence: u32, order: Order) {
-        // A restarted drone is on task already, but has forgotten the roster.
-        let has_roster = matches!(order, Order::Task { .. }) && self.is_on_task();
-        if self.durable.orders.is_known(sequence) && !has_roster {
+        // A restarted drone is on task, but does not know the others on task: it executes a known order again.
+        let is_task_update = matches!(order, Order::Task { .. }) && self.is_on_task();
+        if self.durable.orders.is_known(sequence) && !is_task_update {
             return;
         }
         if let Order::Move { apart: true, .. }
@@ -37,7 +37,7 @@ impl Mission {
             } => self.execute_step(now, sequence, change, (step, wave)),
             Order::Follow { at, velocity } => self.execute_follow(at, velocity),
             Order::Assemble { at } => self.execute_assembly(now, sequence, at),
-            Order::Task { roster } => self.execute_task(sequence, roster),
+            Order::Task { drones } => self.execute_task(sequence, drones),
         }
     }
 

@@ -58,7 +58,7 @@ pub struct Mission {
     master_lands: bool,
     stall_detector: StallDetector,
     /// Drones on task, as far as is known. Empty before the task.
-    roster: NodeSet,
+    drones_on_task: NodeSet,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -72,14 +72,14 @@ impl Mission {
             master_silent: None,
             master_lands: false,
             stall_detector: StallDetector::default(),
-            roster: NodeSet::default(),
+            drones_on_task: NodeSet::default(),
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
             mission.durable = checkpoint;
             if mission.is_on_task() {
                 // The newest order, which the routing repeats, has the others.
-                mission.roster = mission.config.id.into();
+                mission.drones_on_task = mission.config.id.into();
             }
             if mission.durable.restarted {
                 mission.begin_incarnation();
@@ -312,7 +312,7 @@ impl Mission {
             self.advance_as_member(now);
         }
         self.hold_in_layer_if_needed();
-        self.update_roster();
+        self.update_drones_on_task();
     }
 
     /// Ends the mission of this drone: in the air it lands on the spot, on the ground it stays there.

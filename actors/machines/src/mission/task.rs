@@ -15,8 +15,8 @@ impl Mission {
 
     /// Drones on task, as far as is known. Empty before the task.
     #[must_use]
-    pub const fn roster(&self) -> &NodeSet {
-        &self.roster
+    pub const fn drones_on_task(&self) -> &NodeSet {
+        &self.drones_on_task
     }
 
     /// The current leader; `None` before the first.
@@ -28,27 +28,27 @@ impl Mission {
     /// As master: all drones are in their slots.
     pub(super) fn start_task(&mut self) {
         self.enter_task();
-        self.publish_roster();
+        self.publish_drones_on_task();
     }
 
     /// As newly elected master: leads the drones that were on task. Lost ones are added once they acknowledge that.
     pub(super) fn resume_task(&mut self) {
         if let Some(lead) = &mut self.durable.lead {
-            lead.silent = lead.members.difference(&self.roster);
+            lead.silent = lead.members.difference(&self.drones_on_task);
         }
-        self.publish_roster();
+        self.publish_drones_on_task();
     }
 
     /// As member: the swarm is on task, and these drones are.
-    pub(super) fn execute_task(&mut self, sequence: u32, roster: NodeSet) {
+    pub(super) fn execute_task(&mut self, sequence: u32, drones: NodeSet) {
         if !self.is_on_task() {
             if !self.ensure_can_follow() {
                 return;
             }
             self.enter_task();
         }
-        self.roster = roster;
-        self.roster.insert(self.config.id);
+        self.drones_on_task = drones;
+        self.drones_on_task.insert(self.config.id);
         self.durable.orders.pending = Some(sequence);
         self.complete_order();
     }
@@ -60,21 +60,21 @@ impl Mission {
         self.outbox.transmit(Transmit::TopologyChanges);
     }
 
-    /// As master: publishes the roster if it has changed.
-    pub(super) fn update_roster(&mut self) {
+    /// As master: publishes the drones on task if they have changed.
+    pub(super) fn update_drones_on_task(&mut self) {
         let Some(lead) = self.durable.lead.as_ref().filter(|_| self.is_on_task()) else {
             return;
         };
-        if present(lead, self.config.id) != self.roster {
-            self.publish_roster();
+        if present(lead, self.config.id) != self.drones_on_task {
+            self.publish_drones_on_task();
         }
     }
 
-    fn publish_roster(&mut self) {
+    fn publish_drones_on_task(&mut self) {
         if let Some(lead) = &self.durable.lead {
-            self.roster = present(lead, self.config.id);
-            let roster = self.roster.clone();
-            self.issue_order(&Order::Task { roster });
+            self.drones_on_task = present(lead, self.config.id);
+            let drones = self.drones_on_task.clone();
+            self.issue_order(&Order::Task { drones });
             self.complete_order();
         }
     }

@@ -1,23 +1,23 @@
-//! What a link that starts is told of a port that is open already.
+//! Events that introduce a link that starts to a port that is open already.
 
 use std::time::Duration;
 
-use muster_msp::{Identity, Status, Telemetry as Told};
+use muster_msp::{Identity, Status, Telemetry as MspTelemetry};
 
 use super::PortEvent;
 use super::controller::{LOST_AFTER, Stage};
 use crate::time::Timestamp;
 
-/// How long a status is told to new links. A link that runs sends RC for a second of silence, and so does one that takes over from
+/// Longest age of a status for new links. A link that runs sends RC for a second of silence, and so does one that takes over from
 /// it; the newest status is older than the newest answer by up to three of its periods of 160 ms.
 const STATUS_MAX: Duration = LOST_AFTER.saturating_add(Duration::from_millis(500));
 
-/// What a port has said of its controller. The owner of a port keeps one beside it.
+/// What a port has reported of its controller. The owner of a port keeps one beside it.
 #[derive(Debug, Default)]
 pub struct Introduction {
     /// Who it is, and the stage that is granted with it.
     identity: Option<(Box<Identity>, Stage)>,
-    /// The two newest statuses; a link believes what both say.
+    /// The two newest statuses; a link believes what both report.
     statuses: [Option<(Timestamp, Status)>; 2],
 }
 
@@ -32,25 +32,29 @@ impl Introduction {
                 }
             }
             PortEvent::Closed => *self = Self::default(),
-            PortEvent::Told(Told::Status(status)) => {
+            PortEvent::Telemetry(MspTelemetry::Status(status)) => {
                 self.statuses.rotate_left(1);
                 self.statuses[1] = Some((now, status.clone()));
             }
-            PortEvent::Told(_)
+            PortEvent::Telemetry(_)
             | PortEvent::Pose(_)
             | PortEvent::Flow(_)
             | PortEvent::Autopilot(_) => {}
         }
     }
 
-    /// What a link that has just started is told: who the controller is, and its newest statuses, so that the link gives RC
+    /// Events for a link that has just started: who the controller is, and its newest statuses, so that the link gives RC
     /// before the next one. Empty if the controller is not known.
     pub fn events(&self, now: Timestamp) -> impl Iterator<Item = PortEvent> + use<> {
         let identity = self.identity.clone();
-        let is_told = |at: &Timestamp| self.identity.is_some() && now.since(*at) < STATUS_MAX;
-        let fresh = self.statuses.iter().flatten().filter(|(at, _)| is_told(at));
+        let is_fresh = |at: &Timestamp| self.identity.is_some() && now.since(*at) < STATUS_MAX;
+        let fresh = self
+            .statuses
+            .iter()
+            .flatten()
+            .filter(|(at, _)| is_fresh(at));
         let statuses: Vec<_> = fresh
-            .map(|(_, status)| PortEvent::Told(Told::Status(status.clone())))
+            .map(|(_, status)| PortEvent::Telemetry(MspTelemetry::Status(status.clone())))
             .collect();
         identity
             .map(|(identity, granted)| PortEvent::Identified { identity, granted })
@@ -67,8 +71,8 @@ mod tests {
         Timestamp::from_nanos(milliseconds * 1_000_000)
     }
 
-    fn told() -> PortEvent {
-        PortEvent::Told(Told::Status(Status::default()))
+    fn status() -> PortEvent {
+        PortEvent::Telemetry(MspTelemetry::Status(Status::default()))
     }
 
     fn identified() -> PortEvent {
@@ -79,18 +83,18 @@ mod tests {
     }
 
     #[test]
-    fn new_link_is_told_of_an_open_port_and_its_fresh_status() {
+    fn new_link_gets_the_identity_behind_an_open_port_and_its_fresh_statuses() {
         let mut introduction = Introduction::default();
-        introduction.take(at(0), &told());
-        assert_eq!(introduction.events(at(0)).count(), 0, "whose status?");
+        introduction.take(at(0), &status());
+        assert_eq!(introduction.events(at(0)).count(), 0, "no identity");
         introduction.take(at(10), &identified());
         assert!(introduction.events(at(10)).eq([identified()]));
-        introduction.take(at(20), &told());
-        let both = [identified(), told()];
+        introduction.take(at(20), &status());
+        let both = [identified(), status()];
         assert!(introduction.events(at(100)).eq(both));
-        introduction.take(at(110), &told());
-        introduction.take(at(120), &told());
-        let all = [identified(), told(), told()];
+        introduction.take(at(110), &status());
+        introduction.take(at(120), &status());
+        let all = [identified(), status(), status()];
         assert!(introduction.events(at(130)).eq(all), "the two newest");
         assert!(introduction.events(at(1_620)).eq([identified()]), "stale");
         introduction.take(at(1_630), &PortEvent::Closed);

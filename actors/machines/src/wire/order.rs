@@ -13,7 +13,7 @@ use crate::identity::NodeSet;
 pub const PLAN_PART_MAX: usize = 24;
 
 /// Most runs of ids in one [`Order::Task`], so that it fits a payload beside the sets of members.
-pub const ROSTER_RUNS_MAX: usize = 32;
+pub const TASK_RUNS_MAX: usize = 32;
 
 /// Longest hold at one waypoint: longer than multicopters fly.
 pub const HOLD_MAX: Duration = Duration::from_secs(3_600);
@@ -76,8 +76,8 @@ pub enum Order {
     },
     /// Each drone's agent decides where it flies. The next such order replaces it; carried out at once.
     Task {
-        /// The drones on task. If they are more than [`ROSTER_RUNS_MAX`] runs of ids, some others are among them.
-        roster: NodeSet,
+        /// The drones on task. If they are more than [`TASK_RUNS_MAX`] runs of ids, some others are among them.
+        drones: NodeSet,
     },
     /// Stop following: go to the slot around a centre at rest; carried out on arrival.
     Assemble {
@@ -203,8 +203,8 @@ pub fn encode_order(order: &Order) -> Vec<u8> {
         Order::Assemble { at } => WireOrder::Assemble {
             at: to_millimetres(at),
         },
-        Order::Task { roster } => WireOrder::Task {
-            runs: encode_runs(&roster),
+        Order::Task { drones } => WireOrder::Task {
+            runs: encode_runs(&drones),
         },
     };
     write(&wire, Vec::with_capacity(32))
@@ -309,7 +309,7 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
             at: from_millimetres(at),
         },
         WireOrder::Task { runs } => Order::Task {
-            roster: decode_runs(&runs)?,
+            drones: decode_runs(&runs)?,
         },
         WireOrder::PlanWithHolds {
             index,
@@ -352,10 +352,10 @@ fn decode_landing(at: [i32; 3], changes: u16, wave: u16, apart: bool) -> Order {
     }
 }
 
-/// Runs of ids; the closest ones are joined until they are at most [`ROSTER_RUNS_MAX`].
-fn encode_runs(roster: &NodeSet) -> Vec<(u32, u32)> {
-    let mut runs: Vec<_> = roster.runs().collect();
-    while runs.len() > ROSTER_RUNS_MAX {
+/// Runs of ids; the closest ones are joined until they are at most [`TASK_RUNS_MAX`].
+fn encode_runs(drones: &NodeSet) -> Vec<(u32, u32)> {
+    let mut runs: Vec<_> = drones.runs().collect();
+    while runs.len() > TASK_RUNS_MAX {
         let gaps = runs.windows(2).map(|pair| pair[1].start - pair[0].end);
         let narrowest = gaps.enumerate().min_by_key(|(_, gap)| *gap);
         let Some((at, _)) = narrowest else { break };
@@ -372,17 +372,17 @@ fn encode_runs(roster: &NodeSet) -> Vec<(u32, u32)> {
 }
 
 fn decode_runs(runs: &[(u32, u32)]) -> Result<NodeSet, PayloadError> {
-    if runs.len() > ROSTER_RUNS_MAX {
+    if runs.len() > TASK_RUNS_MAX {
         return Err(PayloadError);
     }
-    let mut roster = NodeSet::new();
+    let mut drones = NodeSet::new();
     let mut end = 0_u32;
     for (gap, len) in runs {
         let start = end.checked_add(*gap).ok_or(PayloadError)?;
         end = start.checked_add(*len).ok_or(PayloadError)?;
-        roster.extend_from(&NodeSet::from(start..end));
+        drones.extend_from(&NodeSet::from(start..end));
     }
-    Ok(roster)
+    Ok(drones)
 }
 
 fn to_milliseconds(hold: &Duration) -> u32 {

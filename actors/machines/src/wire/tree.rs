@@ -240,7 +240,7 @@ impl TreeFrame<'_> {
         hears.map(|hears| hears.contains(id))
     }
 
-    /// Share of a drone's broadcasts that the sender receives, in sixteenths; `None` if the packet does not tell.
+    /// Share of a drone's broadcasts that the sender receives, in sixteenths; `None` if the packet does not contain it.
     #[must_use]
     pub fn reception_of(&self, id: NodeId) -> Option<u8> {
         if !self.hears(id)? {

@@ -61,7 +61,7 @@ fn check_motors(configuration: &Configuration, findings: &mut Findings) {
         let protocol = if is_simulation { "PWM" } else { "DSHOT300" };
         findings.add(
             "motor-protocol",
-            "the motors are told nothing",
+            "no motor protocol is set: the motors get no signal",
             configuration.motors.motor_protocol,
             format!("set motor_pwm_protocol = {protocol}"),
         );
@@ -73,7 +73,7 @@ fn check_battery(configuration: &Configuration, findings: &mut Findings) {
     if battery.voltage_source == 0 && !configuration.identity.board.is_simulation() {
         findings.add(
             "battery-meter",
-            "nobody notices that the battery is empty",
+            "an empty battery is not detected",
             "no voltage is measured",
             "set battery_meter = ADC",
         );

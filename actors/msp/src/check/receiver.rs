@@ -141,7 +141,7 @@ fn check_override(configuration: &Configuration, is_sole: bool, findings: &mut F
         Some(settings) => check_override_settings(settings, findings),
         None if is_unread => findings.add(
             COMMAND_LINE_UNREAD,
-            "only the command line tells the override's settings",
+            "the override's settings can only be read with the command line",
             "not read",
             "muster fc check --cli",
         ),
@@ -164,7 +164,7 @@ fn check_override_settings(settings: OverrideSettings, findings: &mut Findings) 
     if failsafe {
         findings.add(
             "override-failsafe",
-            "nobody notices that the pilot's receiver is lost",
+            "the loss of the pilot's receiver is not detected",
             "msp_override_failsafe = ON",
             "set msp_override_failsafe = OFF",
         );

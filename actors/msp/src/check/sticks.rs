@@ -57,7 +57,7 @@ struct Differing {
 }
 
 impl Differing {
-    /// Adds a setting unless it is as needed. `None`: the firmware didn't tell it.
+    /// Adds a setting unless it is as needed. `None`: the firmware does not report it.
     fn compare<T: PartialEq + Display>(&mut self, name: &str, found: Option<T>, needed: T) {
         self.require(name, found.as_ref() == Some(&needed), found, needed);
     }
@@ -65,7 +65,7 @@ impl Differing {
     /// Adds a setting unless it is fit.
     fn require<T: Display>(&mut self, name: &str, is_fit: bool, found: Option<T>, set: T) {
         if !is_fit {
-            let found = found.map_or("not told".to_owned(), |it| it.to_string());
+            let found = found.map_or("not reported".to_owned(), |it| it.to_string());
             self.found.push(format!("{name} = {found}"));
             self.set.push(format!("set {name} = {set}"));
         }

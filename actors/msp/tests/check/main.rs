@@ -1,6 +1,6 @@
 //! Each rule finds the one setting that breaks it, and nothing else; a safe configuration breaks none.
 
-mod craft;
+mod configurations;
 
 use muster_msp::check::{Finding, ReceiverMode, check};
 use muster_msp::{
@@ -10,7 +10,7 @@ use muster_msp::{
 };
 use serde::Deserialize;
 
-use self::craft::{lost, overridden, range, sole, version};
+use self::configurations::{lost, overridden, range, sole, version};
 
 fn rules(findings: &[Finding]) -> Vec<&'static str> {
     findings.iter().map(|it| it.rule).collect()
@@ -166,7 +166,7 @@ const STICKS: [(&str, Change); 18] = [
     }),
 ];
 
-const OF_ANY_CRAFT: [(&str, Change); 11] = [
+const OF_ANY_MODE: [(&str, Change); 11] = [
     ("small-angle", |it| {
         it.arming.small_angle_deg = 180;
     }),
@@ -243,22 +243,33 @@ const OVERRIDDEN: [(&str, Change); 14] = [
         it.ranges.ranges.pop();
     }),
     ("override-range", |it| {
-        let switch = it.ranges.ranges.last_mut().expect("the craft has it");
+        let switch = it
+            .ranges
+            .ranges
+            .last_mut()
+            .expect("the configuration has it");
         *switch = range(Mode::MspOverride, 2, 900, 2100);
     }),
 ];
 
-fn cell(craft: &mut Configuration) -> &mut CellLimits {
-    craft.battery.limits.as_mut().expect("the craft has them")
+fn cell(configuration: &mut Configuration) -> &mut CellLimits {
+    configuration
+        .battery
+        .limits
+        .as_mut()
+        .expect("the configuration has them")
 }
 
-fn command_line(craft: &mut Configuration) -> &mut CommandLineSettings {
-    craft.command_line.as_mut().expect("the craft has it")
+fn command_line(configuration: &mut Configuration) -> &mut CommandLineSettings {
+    configuration
+        .command_line
+        .as_mut()
+        .expect("the configuration has it")
 }
 
-fn settings(craft: &mut Configuration) -> &mut OverrideSettings {
-    let settings = command_line(craft).over_ride.as_mut();
-    settings.expect("the craft has them")
+fn settings(configuration: &mut Configuration) -> &mut OverrideSettings {
+    let settings = command_line(configuration).over_ride.as_mut();
+    settings.expect("the configuration has them")
 }
 
 #[test]
@@ -266,15 +277,15 @@ fn each_unsafe_setting_is_found_alone() {
     let cases = [
         (sole as fn() -> Configuration, ReceiverMode::Sole, &SOLE[..]),
         (sole, ReceiverMode::Sole, &STICKS),
-        (sole, ReceiverMode::Sole, &OF_ANY_CRAFT),
+        (sole, ReceiverMode::Sole, &OF_ANY_MODE),
         (overridden, ReceiverMode::Override, &OVERRIDDEN),
-        (overridden, ReceiverMode::Override, &OF_ANY_CRAFT),
+        (overridden, ReceiverMode::Override, &OF_ANY_MODE),
     ];
-    for (craft, mode, changes) in cases {
+    for (configuration, mode, changes) in cases {
         for (rule, change) in changes {
-            let mut craft = craft();
-            change(&mut craft);
-            let findings = check(&craft, mode);
+            let mut configuration = configuration();
+            change(&mut configuration);
+            let findings = check(&configuration, mode);
             assert_eq!(rules(&findings), [*rule], "{mode}: {findings:?}");
             assert!(!findings[0].set.is_empty());
         }
@@ -291,18 +302,18 @@ fn rates_that_flight_by_sticks_does_not_use_are_free() {
         |it| (it.rates.throttle_mid, it.rates.throttle_hover) = (30, None),
     ];
     for change in free {
-        let mut craft = sole();
-        change(&mut craft);
-        assert_eq!(check(&craft, ReceiverMode::Sole), []);
+        let mut configuration = sole();
+        change(&mut configuration);
+        assert_eq!(check(&configuration, ReceiverMode::Sole), []);
     }
 }
 
 #[test]
 fn a_finding_about_rates_names_and_mends_only_what_differs() {
-    let mut craft = sole();
-    craft.rates.rates_type = Some(RatesType::Quick);
-    craft.rates.pitch_expo = Some(20);
-    let findings = check(&craft, ReceiverMode::Sole);
+    let mut configuration = sole();
+    configuration.rates.rates_type = Some(RatesType::Quick);
+    configuration.rates.pitch_expo = Some(20);
+    let findings = check(&configuration, ReceiverMode::Sole);
     assert_eq!(findings[0].found, "rates_type = QUICK, pitch_expo = 20");
     let set = "set rates_type = ACTUAL\nset pitch_expo = 0";
     assert_eq!(findings[0].set, set);
@@ -315,9 +326,9 @@ fn other_rates_are_other_settings() {
         |it| it.angle.angle_limit_deg = 59,
     ];
     for change in changes {
-        let mut craft = sole();
-        change(&mut craft);
-        assert_ne!(craft.to_bytes(), sole().to_bytes());
+        let mut configuration = sole();
+        change(&mut configuration);
+        assert_ne!(configuration.to_bytes(), sole().to_bytes());
     }
 }
 
@@ -390,10 +401,10 @@ impl Ask for Recorded {
 
 #[test]
 fn betaflights_defaults_are_unfit_for_these_reasons() {
-    let craft = Configuration::read(&mut Recorded).expect("all of it was recorded");
-    assert!(craft.identity.board.is_simulation());
-    assert_eq!(craft.identity.version.to_string(), "4.6.0");
-    let findings = check(&craft, ReceiverMode::of(&craft));
+    let configuration = Configuration::read(&mut Recorded).expect("all of it was recorded");
+    assert!(configuration.identity.board.is_simulation());
+    assert_eq!(configuration.identity.version.to_string(), "4.6.0");
+    let findings = check(&configuration, ReceiverMode::of(&configuration));
     assert_eq!(
         rules(&findings),
         [

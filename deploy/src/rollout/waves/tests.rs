@@ -230,7 +230,7 @@ fn recall_takes_hosts_one_at_a_time_and_keeps_the_stated_number_flying() {
 }
 
 #[test]
-fn resumed_rollout_goes_on_behind_what_is_done() {
+fn resumed_rollout_continues_behind_what_is_done() {
     let mut states = [const { HostState::Waiting }; 5];
     (states[0], states[1]) = (HostState::Unchanged, HostState::Unchanged);
     let fleet = Fleet::new(&states, [0; 5], None).run();

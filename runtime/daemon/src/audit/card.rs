@@ -37,7 +37,7 @@ pub struct CardRecord {
     pub channel: u8,
     /// Its fixed rate, in Mbit/s.
     pub rate_mbps: u8,
-    /// Two letters of the country whose rules count for radio.
+    /// Country code of the radio regulations: two letters.
     pub country: String,
 }
 
@@ -164,7 +164,7 @@ impl Card {
         let set = format!("{SET_RATE} {rate_mbps}");
         if !self.rate.lines().any(|line| line.trim() == set) {
             let what = format!("{RADIO} does not set the rate {rate_mbps} Mbit/s");
-            let why = "a rate that changes by itself changes who hears whom";
+            let why = "a rate that changes by itself changes which drones hear each other";
             findings.push(broken("radio-rate", &what, why));
         }
         let begin = format!("country {country}:");

@@ -62,7 +62,7 @@ fn ssh(facts: &Facts) -> Vec<Finding> {
         ));
     }
     if !is("permitrootlogin", &["no"]) {
-        let why = "everyone knows the user root; a log of it doesn't say who";
+        let why = "root is a known user name; the log does not show who used it";
         let mut found = finding("ssh-no-root", "root can log in", why, undo());
         if facts.operator == "root" {
             "root can log in, and you do: log in as a user with sudo first"
@@ -72,7 +72,7 @@ fn ssh(facts: &Facts) -> Vec<Finding> {
         findings.push(found);
     }
     if is("banner", &["none", ""]) {
-        let why = "a stranger must be told that the host is private";
+        let why = "a banner must state that the host is private";
         findings.push(finding(
             "ssh-banner",
             "no banner before the login",
@@ -107,7 +107,7 @@ fn passwords(facts: &Facts) -> Vec<Finding> {
 fn firewall(facts: &Facts) -> Option<Finding> {
     let is_there = facts.has_firewall && facts.firewall_starts;
     (!is_there).then(|| {
-        let why = "what listens by mistake is reached by everyone in range of the radio";
+        let why = "without a firewall, any service left open by mistake can be reached by everyone in radio range";
         let undo = format!("systemctl disable --now {FIREWALL_UNIT}");
         finding(
             "firewall",

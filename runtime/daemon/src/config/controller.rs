@@ -79,7 +79,7 @@ impl File {
         if let Some(pose) = &raw.pose
             && !(pose.get_ref().ip().is_loopback() && pose.get_ref().port() > 0)
         {
-            let message = "`pose` needs a loopback address and a fixed port: who reaches it says where the drone is";
+            let message = "`pose` needs a loopback address and a fixed port: any sender that reaches it sets the drone's position";
             return refuse(pose.span(), message);
         }
         Ok(Some(ControllerConfig {
@@ -125,7 +125,7 @@ impl File {
             self.0.error(flow.span(), message)
         })?;
         if !address.is_on_this_host() {
-            let message = "`flow` needs a serial device or an address of this host: who reaches it says how the drone moves";
+            let message = "`flow` needs a serial device or an address of this host: any sender that reaches it sets the drone's velocity";
             return Err(self.0.error(flow.span(), message));
         }
         Ok(Some(address))

@@ -97,8 +97,7 @@ impl DroneFile {
 #[serde(rename_all = "kebab-case")]
 /// The stage in a drone's file.
 pub enum StageName {
-    /// Arms a simulated vehicle, a flight controller whose board says that it is a simulation, or an autopilot at a loopback
-    /// address.
+    /// Arms a simulated vehicle, a flight controller that reports a simulated board, or an autopilot at a loopback address.
     Sim,
     /// Telemetry of a flight controller. Never arms, and no motor turns.
     Bench,
@@ -127,7 +126,7 @@ pub enum VehicleName {
 pub enum ReceiverName {
     /// Nobody: MSP is the only receiver. For bench and simulation, since no pilot can take over.
     Sole,
-    /// A pilot, whose receiver arms and gives MSP the sticks by a switch (`MSP OVERRIDE`).
+    /// A pilot: the receiver arms and hands MSP the sticks by a switch (`MSP OVERRIDE`).
     Override,
 }
 

@@ -287,7 +287,7 @@ impl File {
         self.check_sensor(
             raw.pose.as_ref().map(Located::span),
             plan.pose.is_some(),
-            "the scenario has no table `[vehicle.pose]`, so GPS tells where the drone is",
+            "the scenario has no table `[vehicle.pose]`, so GPS gives the position",
             "the scenario has a table `[vehicle.pose]`, so this needs `pose`, an address for poses",
         )?;
         self.check_sensor(

@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn timer_whose_message_was_refused_fires_again() {
+    fn timer_fires_again_after_its_message_was_refused() {
         let mut actors = Actors::new(Duration::from_secs(1));
         actors.set_up(Address::Mission);
         actors.set_timer(at(4_000), Address::Mission, &due_at(5_000));

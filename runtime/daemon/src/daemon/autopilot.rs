@@ -2,7 +2,7 @@
 
 use std::io;
 
-use muster_machines::msp::autopilot::{LOST_AFTER, Told};
+use muster_machines::msp::autopilot::{AutopilotReport, LOST_AFTER};
 use muster_machines::msp::controller::Stage;
 use muster_machines::msp::{PortEvent, Telemetry};
 use muster_mavlink::{Event, Port};
@@ -15,11 +15,11 @@ use crate::status::PortStatus;
 /// An autopilot behind a port.
 pub(super) struct Piloted {
     pub(super) port: Port,
-    /// What the navigation was told last.
+    /// Newest telemetry for the navigation.
     pub(super) telemetry: Telemetry,
 }
 
-/// Heartbeats of an autopilot that does not say that it is a simulation, until that is a warning.
+/// Heartbeats of an autopilot that does not report a simulation, until that is a warning.
 const SILENT_ON_SIMULATION: u32 = 5;
 
 /// Opens a port. Returns its events.
@@ -33,19 +33,21 @@ pub(super) fn open(config: &AutopilotConfig) -> io::Result<(Vehicle, PortEvents)
     let mut heartbeats = 0_u32;
     let port = Port::open(config.port, move |event| {
         match event {
-            Event::Told(Told::Simulated) => is_asked_for_simulation = false,
-            Event::Told(Told::Heartbeat { .. }) if is_asked_for_simulation => heartbeats += 1,
+            Event::Report(AutopilotReport::Simulated) => is_asked_for_simulation = false,
+            Event::Report(AutopilotReport::Heartbeat { .. }) if is_asked_for_simulation => {
+                heartbeats += 1;
+            }
             _ => {}
         }
         if is_asked_for_simulation && heartbeats == SILENT_ON_SIMULATION {
             is_asked_for_simulation = false;
             tracing::warn!(
-                "the autopilot does not say that it is a simulation (SIM_STATE): it gets no command"
+                "the autopilot does not report a simulation (SIM_STATE): it gets no command"
             );
         }
         match event {
-            // While the link is behind, what is told is dropped: the next is newer.
-            Event::Told(told) => drop(sender.try_send(PortEvent::Autopilot(told))),
+            // While the link is behind, a report is dropped: the next one is newer.
+            Event::Report(report) => drop(sender.try_send(PortEvent::Autopilot(report))),
             Event::Refused(why) => {
                 refused += 1;
                 if refused.is_power_of_two() {

@@ -124,7 +124,7 @@ fn process(status: &Status, page: &mut Page<'_>) -> fmt::Result {
 
 fn computer(status: &Status, page: &mut Page<'_>) -> fmt::Result {
     let computer = &status.computer;
-    let help = "Temperature of the processor; this and what follows are absent where the computer does not tell";
+    let help = "Processor temperature; it and the metrics below are absent if the computer does not report them";
     page.gauge(
         ("computer_temperature_celsius", help),
         computer.temperature_c,

@@ -31,8 +31,8 @@ pub(super) enum Refusal {
     /// The controller can't be read.
     #[error("the flight controller's settings can't be read")]
     Unread,
-    /// The controller does not say which one it is.
-    #[error("the flight controller doesn't tell the number of its chip")]
+    /// The controller reports no chip number.
+    #[error("the flight controller reports no chip number (`MSP_UID`)")]
     NoChip,
     /// The controller is armed, and it is not the one that was checked.
     #[error(

@@ -124,7 +124,7 @@ impl State {
                 if let Envelope::Navigation(input) = &envelope
                     && let navigation::Input::Telemetry(telemetry) = &**input
                 {
-                    self.vehicle.told(*telemetry);
+                    self.vehicle.update_telemetry(*telemetry);
                 }
                 self.actors.post(now, envelope);
             }
@@ -184,7 +184,7 @@ impl State {
         }
     }
 
-    /// Tells the link what it has yet to be told of its port.
+    /// Delivers to the link the events of its port that wait.
     fn deliver_port_events(&mut self, now: Timestamp) {
         let (vehicle, actors) = (&self.vehicle, &mut self.actors);
         let introduction = || vehicle.introduction(now);
@@ -193,9 +193,9 @@ impl State {
     }
 
     /// An event of the port to the flight controller or the autopilot.
-    pub(super) fn port_told(&mut self, now: Timestamp, event: PortEvent) {
+    pub(super) fn handle_port_event(&mut self, now: Timestamp, event: PortEvent) {
         self.deliver_port_events(now);
-        if self.vehicle.port_told(now, &event) {
+        if self.vehicle.handle_port_event(now, &event) {
             let actors = &mut self.actors;
             let post = |event| actors.post(now, for_link(event));
             self.port_events.post(event, post);

@@ -125,7 +125,9 @@ pub(super) fn control_messages() -> ControlMessages {
 /// Passes what the flight controller tells to its link.
 pub(super) async fn listen_to_port(mut events: PortEvents, process: Arc<Process>) {
     while let Some(event) = events.recv().await {
-        process.state().port_told(process.clock.now(), event);
+        process
+            .state()
+            .handle_port_event(process.clock.now(), event);
         process.notify();
     }
 }

@@ -26,10 +26,10 @@ pub(super) const EVENTS_MAX: usize = 64;
 /// How long the thread that passes events on waits before it looks whether the process has ended.
 const WAIT: Duration = Duration::from_millis(200);
 
-/// Time for a flight controller to say whether it is armed before the process takes it for disarmed. It answers within half
-/// a second.
-const SAYS_WITHIN: Duration = Duration::from_secs(2);
-/// From one look whether it has said so to the next.
+/// Time for a flight controller to report whether it is armed; after it the process takes it for disarmed. It answers within
+/// half a second.
+const ARMED_REPORT_TIMEOUT: Duration = Duration::from_secs(2);
+/// From one look whether it has reported that to the next.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
 
 /// What a drone's process flies.
@@ -49,12 +49,12 @@ pub(super) struct Controlled {
     stage: Stage,
     /// Why its stage has fallen to `bench`.
     refused: Refused,
-    /// What the navigation was told last.
+    /// Newest telemetry for the navigation.
     telemetry: Telemetry,
     introduction: Introduction,
 }
 
-/// Telemetry before the link has told any.
+/// Telemetry before the link has reported any.
 pub(super) const UNKNOWN: Telemetry = Telemetry {
     position: Ned::HOME,
     position_lost_for: Some(Duration::ZERO),
@@ -69,12 +69,12 @@ pub(super) const UNKNOWN: Telemetry = Telemetry {
 };
 
 impl Vehicle {
-    /// Waits until a flight controller has said whether it is armed, but not for long: it may be off.
+    /// Waits until a flight controller has reported whether it is armed, but not for long: it may be off.
     pub(super) async fn learn_whether_armed(&mut self) {
         let Self::Controlled(controlled) = self else {
             return;
         };
-        let said = async {
+        let reported = async {
             loop {
                 if let Some(armed) = controlled.port.is_armed() {
                     return armed;
@@ -82,7 +82,7 @@ impl Vehicle {
                 tokio::time::sleep(LOOK_EVERY).await;
             }
         };
-        if let Ok(armed) = tokio::time::timeout(SAYS_WITHIN, said).await {
+        if let Ok(armed) = tokio::time::timeout(ARMED_REPORT_TIMEOUT, reported).await {
             controlled.telemetry.armed = armed;
         }
     }
@@ -137,8 +137,8 @@ impl Vehicle {
         }
     }
 
-    /// The link has told the navigation this.
-    pub(super) fn told(&mut self, telemetry: Telemetry) {
+    /// The link reports telemetry to the navigation.
+    pub(super) fn update_telemetry(&mut self, telemetry: Telemetry) {
         match self {
             Self::Simulated(_) => {}
             Self::Controlled(controlled) => controlled.telemetry = telemetry,
@@ -147,7 +147,7 @@ impl Vehicle {
     }
 
     /// An event of the port. Returns whether it is for the link.
-    pub(super) fn port_told(&mut self, now: Timestamp, event: &PortEvent) -> bool {
+    pub(super) fn handle_port_event(&mut self, now: Timestamp, event: &PortEvent) -> bool {
         let is_for_link = *event == PortEvent::Closed || self.refused().is_empty();
         if let Self::Controlled(controlled) = self
             && is_for_link
@@ -168,7 +168,7 @@ impl Vehicle {
         }
     }
 
-    /// Why the flight controller is refused: it is not fit to fly. Its link is not told who it is, so that it sends no RC.
+    /// Why the flight controller is refused: it is not fit to fly. Its link does not learn who it is, so that it sends no RC.
     /// Empty if it is not refused.
     pub(super) fn refused(&self) -> Vec<Finding> {
         match self {
@@ -185,10 +185,10 @@ impl Vehicle {
         }
     }
 
-    /// What a link that has just started is told of its port.
+    /// Events of its port for a link that has just started.
     pub(super) fn introduction(&self, now: Timestamp) -> impl Iterator<Item = PortEvent> + use<> {
         let events = match self {
-            // An autopilot repeats all that it tells.
+            // An autopilot repeats all that it reports.
             Self::Simulated(_) | Self::Piloted(_) => None,
             Self::Controlled(controlled) => Some(controlled.introduction.events(now)),
         };
@@ -262,7 +262,7 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
                 let fallen = is_being_armed
                     .then(|| fallen(&port.status(), &mut checker))
                     .flatten();
-                let event = event.and_then(|event| told(event, &port, &mut checker));
+                let event = event.and_then(|event| log_event(event, &port, &mut checker));
                 drop(port);
                 for event in fallen.into_iter().chain(event) {
                     if sender.blocking_send(event).is_err() {
@@ -282,7 +282,7 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
     Ok((vehicle, events))
 }
 
-/// What a link is told when its controller is being armed and its stage has fallen since it was looked at: the grant has ended.
+/// Event for a link when its controller is being armed and its stage has fallen since it was looked at: the grant has ended.
 fn fallen(status: &muster_port::Status, checker: &mut Checker) -> Option<PortEvent> {
     let granted = checker.fallen(status.found.clone())?;
     let identity = Box::new(status.identity.clone()?);
@@ -290,7 +290,7 @@ fn fallen(status: &muster_port::Status, checker: &mut Checker) -> Option<PortEve
 }
 
 /// Logs an event, and returns it for the link.
-fn told(event: Event, port: &Link, checker: &mut Checker) -> Option<PortEvent> {
+fn log_event(event: Event, port: &Link, checker: &mut Checker) -> Option<PortEvent> {
     Some(match event {
         Event::Unfit(findings) => {
             for finding in findings {
@@ -310,6 +310,6 @@ fn told(event: Event, port: &Link, checker: &mut Checker) -> Option<PortEvent> {
             tracing::warn!(error, "the port of the flight controller is closed");
             PortEvent::Closed
         }
-        Event::Telemetry(telemetry) => PortEvent::Told(telemetry),
+        Event::Telemetry(telemetry) => PortEvent::Telemetry(telemetry),
     })
 }

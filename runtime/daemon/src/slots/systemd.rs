@@ -44,8 +44,8 @@ impl Systemd {
         if self.run(arguments)? {
             return Ok(());
         }
-        let words = arguments.join(" ");
-        Err(io::Error::other(format!("systemctl {words} failed")))
+        let arguments = arguments.join(" ");
+        Err(io::Error::other(format!("systemctl {arguments} failed")))
     }
 
     /// Asks for the properties of a unit.

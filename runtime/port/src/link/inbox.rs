@@ -81,8 +81,8 @@ impl Inbox {
         }
         let wire = self.wire.clone()?;
         let write = self.conversation.tick(now)?;
-        if let Some(told) = self.conversation.count_acknowledged() {
-            self.events.push(Event::Telemetry(told));
+        if let Some(telemetry) = self.conversation.count_acknowledged() {
+            self.events.push(Event::Telemetry(telemetry));
         }
         Some((wire, write))
     }
@@ -106,13 +106,13 @@ impl Inbox {
             }
             return;
         }
-        let Some(Answer { delay, told }) = self.conversation.take(now, frame) else {
+        let Some(Answer { delay, content }) = self.conversation.take(now, frame) else {
             return;
         };
         if let Some(delay) = delay {
             self.latency.add(delay);
         }
-        match told {
+        match content {
             Ok(Some(telemetry)) => {
                 self.look_for_arming(&telemetry);
                 self.events.push(Event::Telemetry(telemetry));

@@ -73,7 +73,7 @@ fn a_refused_question_is_asked_three_times() {
 }
 
 #[test]
-fn a_lost_port_is_opened_again_and_rc_goes_on() {
+fn a_lost_port_is_opened_again_and_rc_continues() {
     let controller = Controller::on_tcp(Manner {
         frames_max: 40,
         ..KIND
@@ -113,7 +113,7 @@ fn unanswered_questions_delay_no_rc_and_rc_stops_when_sticks_do() {
             "{longest:?} without RC"
         );
         let last = *times.last().expect("frames");
-        assert!(last < stopped + Duration::from_millis(150), "RC goes on");
+        assert!(last < stopped + Duration::from_millis(150), "RC continues");
         assert!(
             seen.rc
                 .iter()

@@ -141,8 +141,8 @@ pub struct Tuning {
 pub struct Settings {
     /// Version that the firmware says it has; decides what an override does with a silent companion.
     pub version: Version,
-    /// Whether `BOARD_INFO` says that this is a simulator.
-    pub says_simulator: bool,
+    /// Whether `BOARD_INFO` reports a simulator.
+    pub reports_simulator: bool,
     /// Receiver.
     pub receiver: ReceiverMode,
     /// Channels in the order roll, pitch, yaw, throttle, AUX1, ….
@@ -171,7 +171,7 @@ impl Settings {
         rxfail[..4].fill(RxFail::Auto);
         Self {
             version: Version::V4_6,
-            says_simulator: true,
+            reports_simulator: true,
             receiver: ReceiverMode::Sole,
             rxfail,
             failsafe: FailsafeSettings {

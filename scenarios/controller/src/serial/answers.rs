@@ -189,7 +189,7 @@ impl Serial {
 }
 
 fn board(settings: &Settings) -> BoardInfo {
-    let board = if settings.says_simulator {
+    let board = if settings.reports_simulator {
         *b"SITL"
     } else {
         *b"S405"

@@ -37,7 +37,7 @@ pub(crate) struct Flown<Link> {
     is_identified: bool,
     /// Whether bytes reach the controller, and its bytes the link.
     pub(crate) is_connected: bool,
-    /// What the link has told the navigation last.
+    /// Newest telemetry of the link for the navigation.
     telemetry: Option<Telemetry>,
 }
 
@@ -97,7 +97,9 @@ impl<Link: Machine<Input = Input, Transmit = Transmit, Event = Event>> Flown<Lin
         self.run(Duration::from_millis(6_000));
         self.command(FlightCommand::Arm);
         self.give_pilot(Some(true));
-        self.run_until("armed", |it| it.telemetry.is_some_and(|told| told.armed));
+        self.run_until("armed", |it| {
+            it.telemetry.is_some_and(|telemetry| telemetry.armed)
+        });
         self.command(FlightCommand::Fly(Setpoint::Leg {
             to: Ned::new(0.0, 0.0, -20.0),
             speed_mps: 2.0,
@@ -138,7 +140,9 @@ impl<Link: Machine<Input = Input, Transmit = Transmit, Event = Event>> Flown<Lin
         loop {
             match self.link.poll_output() {
                 Output::Transmit(Transmit::Rc(rc)) => self.set_rc(rc),
-                Output::Transmit(Transmit::Telemetry(told)) => self.telemetry = Some(told),
+                Output::Transmit(Transmit::Telemetry(telemetry)) => {
+                    self.telemetry = Some(telemetry);
+                }
                 Output::Transmit(_) | Output::Event(_) => {}
                 Output::Idle { .. } => return,
             }
@@ -158,13 +162,13 @@ impl<Link: Machine<Input = Input, Transmit = Transmit, Event = Event>> Flown<Lin
         self.now += TICK;
         let now = self.now.since(Timestamp::ZERO);
         let bytes = self.controller.transmit(self.now);
-        let mut told = Vec::new();
+        let mut events = Vec::new();
         if self.is_connected {
             self.decoder.read(&bytes, |frame| {
                 if let Some(Ok(Some(telemetry))) =
-                    self.conversation.take(now, &frame).map(|it| it.told)
+                    self.conversation.take(now, &frame).map(|it| it.content)
                 {
-                    told.push(PortEvent::Told(telemetry));
+                    events.push(PortEvent::Telemetry(telemetry));
                 }
             });
         }
@@ -174,14 +178,14 @@ impl<Link: Machine<Input = Input, Transmit = Transmit, Event = Event>> Flown<Lin
             self.is_identified = true;
             let identity = Box::new(identity);
             let granted = Stage::Bench;
-            told.insert(0, PortEvent::Identified { identity, granted });
+            events.insert(0, PortEvent::Identified { identity, granted });
         }
         let place = self.truth().position;
         if let Some(sensor) = &mut self.pose {
             sensor.measure(self.now, place);
-            told.extend(iter::from_fn(|| sensor.arrived(self.now)).map(PortEvent::Pose));
+            events.extend(iter::from_fn(|| sensor.arrived(self.now)).map(PortEvent::Pose));
         }
-        for event in told {
+        for event in events {
             self.give(Input::Port(event));
         }
         self.link.handle_timeout(self.now);

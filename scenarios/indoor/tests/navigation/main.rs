@@ -68,7 +68,7 @@ fn a_navigation_with_a_map_decides_as_the_machine_that_it_hosts() {
 }
 
 #[test]
-fn a_navigation_that_crashes_goes_on_from_its_pose_and_the_patrol_ends() {
+fn a_navigation_that_crashes_continues_from_its_pose_and_the_patrol_ends() {
     let crash = |at_s: u64, down_ms: u64, is_process: bool| Crash {
         at: Duration::from_secs(at_s),
         down: Duration::from_millis(down_ms),

@@ -53,13 +53,13 @@ pub(super) fn fault(fault: &Fault, target: Option<u32>) -> String {
             figure(centre.east_m(), 0),
         ),
         FaultKind::Tamper(tampered) => {
-            let whose = match tampered.from {
+            let senders = match tampered.from {
                 Some(from) => format!("drone {}", from.0),
                 None => "all".to_owned(),
             };
             let share = figure(tampered.share * 100.0, 0);
             format!(
-                "fault: {}, {share} % of the frames of {whose}",
+                "fault: {}, {share} % of the frames of {senders}",
                 fault.kind.name()
             )
         }

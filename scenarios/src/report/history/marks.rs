@@ -81,13 +81,13 @@ fn happenings(recorder: &Recorder, history: &History) -> Vec<Mark> {
 /// An incident of a node, which may have led until then, in words. `None` if it is no mark of its own.
 fn incident(id: u32, leads: bool, what: Incident) -> Option<(MarkKind, String)> {
     let name = format!("drone {id}");
-    let whose = if leads {
+    let subject = if leads {
         format!("{name}, a master,")
     } else {
         name.clone()
     };
     let actor = |actor| ActorName::from(actor).name();
-    let death = |what: &str| (MarkKind::Death, format!("{whose} {what}"));
+    let death = |what: &str| (MarkKind::Death, format!("{subject} {what}"));
     Some(match what {
         Incident::Killed => death("is dead: its computer failed, its flight controller lands it"),
         Incident::RanEmpty => death("has an empty battery"),
@@ -107,7 +107,7 @@ fn incident(id: u32, leads: bool, what: Incident) -> Option<(MarkKind, String)> 
         | Incident::Follows(_) => return None,
         Incident::Lands(reason) => (
             MarkKind::Landing,
-            format!("{whose} lands early: {}", unplanned(reason)?),
+            format!("{subject} lands early: {}", unplanned(reason)?),
         ),
     })
 }
@@ -179,9 +179,9 @@ fn segments(recorder: &Recorder) -> Vec<Mark> {
     for pair in looks.windows(2) {
         let ((_, before), (at, after)) = (&pair[0], &pair[1]);
         let shown = || {
-            let parts = after.iter().filter(|part| !part.is_empty());
-            let parts = parts.map(|part| ids(part.iter().map(|id| id.0)));
-            parts.collect::<Vec<_>>().join(" | ")
+            let segments = after.iter().filter(|segment| !segment.is_empty());
+            let segments = segments.map(|segment| ids(segment.iter().map(|id| id.0)));
+            segments.collect::<Vec<_>>().join(" | ")
         };
         if splits(before, after) {
             let text = format!("partition: {}", shown());
@@ -195,15 +195,15 @@ fn segments(recorder: &Recorder) -> Vec<Mark> {
     marks
 }
 
-/// Whether two nodes that are in one segment of `whole` are in different ones of `parts`.
-fn splits(whole: &[Vec<NodeId>], parts: &[Vec<NodeId>]) -> bool {
-    let part_of: BTreeMap<NodeId, usize> = (parts.iter().enumerate())
-        .flat_map(|(part, members)| members.iter().map(move |id| (*id, part)))
+/// Whether two nodes that are in one segment of `whole` are in different ones of `segments`.
+fn splits(whole: &[Vec<NodeId>], segments: &[Vec<NodeId>]) -> bool {
+    let segment_of: BTreeMap<NodeId, usize> = (segments.iter().enumerate())
+        .flat_map(|(segment, members)| members.iter().map(move |id| (*id, segment)))
         .collect();
     whole.iter().any(|members| {
-        let mut parts = members.iter().filter_map(|id| part_of.get(id));
-        let first = parts.next();
-        parts.any(|part| Some(part) != first)
+        let mut segments = members.iter().filter_map(|id| segment_of.get(id));
+        let first = segments.next();
+        segments.any(|segment| Some(segment) != first)
     })
 }
 
@@ -220,19 +220,19 @@ fn waypoints(recorder: &Recorder) -> impl Iterator<Item = Mark> + '_ {
 mod tests {
     use super::*;
 
-    fn parts(parts: &[&[u32]]) -> Vec<Vec<NodeId>> {
-        let part = |ids: &&[u32]| ids.iter().copied().map(NodeId).collect();
-        parts.iter().map(part).collect()
+    fn segments_of(segments: &[&[u32]]) -> Vec<Vec<NodeId>> {
+        let segment = |ids: &&[u32]| ids.iter().copied().map(NodeId).collect();
+        segments.iter().map(segment).collect()
     }
 
     #[test]
     fn only_nodes_that_were_connected_are_parted() {
-        let whole = parts(&[&[0, 1, 2, 3, 4]]);
-        assert!(splits(&whole, &parts(&[&[0, 1], &[3, 4]])));
+        let whole = segments_of(&[&[0, 1, 2, 3, 4]]);
+        assert!(splits(&whole, &segments_of(&[&[0, 1], &[3, 4]])));
         // Node 2 is gone, the others are still connected.
-        assert!(!splits(&whole, &parts(&[&[0, 1, 3, 4]])));
+        assert!(!splits(&whole, &segments_of(&[&[0, 1, 3, 4]])));
         // Node 5 is new.
-        assert!(!splits(&whole, &parts(&[&[0, 1, 2, 3, 4], &[5]])));
-        assert!(!splits(&parts(&[&[0, 1], &[3, 4]]), &whole));
+        assert!(!splits(&whole, &segments_of(&[&[0, 1, 2, 3, 4], &[5]])));
+        assert!(!splits(&segments_of(&[&[0, 1], &[3, 4]]), &whole));
     }
 }

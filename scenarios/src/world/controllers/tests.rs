@@ -27,7 +27,7 @@ struct Bench {
     /// Whether the link runs.
     is_up: bool,
     now: Timestamp,
-    told: Option<Telemetry>,
+    telemetry: Option<Telemetry>,
     truth: Option<Truth>,
     violation: Option<Violation>,
 }
@@ -50,7 +50,7 @@ impl Bench {
             kept: None,
             is_up: true,
             now: Timestamp::ZERO,
-            told: None,
+            telemetry: None,
             truth: None,
             violation: None,
         }
@@ -63,13 +63,13 @@ impl Bench {
         bench.pass(6.0);
         bench.give(Input::FlightCommand(FlightCommand::Arm));
         bench.pass(2.0);
-        assert!(bench.told.is_some_and(|it| it.armed));
+        assert!(bench.telemetry.is_some_and(|it| it.armed));
         bench.fly(12.0, 0.0);
         bench
     }
 
     fn fly(&mut self, altitude_m: f64, north_m: f64) {
-        let to = self.told.expect("it was told").position.0;
+        let to = self.telemetry.expect("it was reported").position.0;
         let to = Ned::new(to.x + north_m, to.y, -altitude_m);
         self.give(Input::FlightCommand(FlightCommand::Fly(Setpoint::Leg {
             to,
@@ -87,7 +87,9 @@ impl Bench {
         loop {
             match self.link.poll_output() {
                 Output::Transmit(Transmit::Rc(rc)) => self.controllers.set_rc(self.now, DRONE, rc),
-                Output::Transmit(Transmit::Telemetry(told)) => self.told = Some(told),
+                Output::Transmit(Transmit::Telemetry(telemetry)) => {
+                    self.telemetry = Some(telemetry);
+                }
                 Output::Event(Event::Checkpoint(kept)) => self.kept = Some(kept),
                 Output::Transmit(_) => {}
                 Output::Idle { .. } => return,
@@ -166,7 +168,7 @@ fn pilot_who_takes_over_at_any_moment_has_the_sticks_and_nothing_arms_again() {
         bench.pass(0.2);
         assert!(
             bench
-                .told
+                .telemetry
                 .is_some_and(|it| it.landing && it.landing_cause == Some(LandingCause::Pilot)),
             "flight {flight}"
         );
@@ -174,7 +176,10 @@ fn pilot_who_takes_over_at_any_moment_has_the_sticks_and_nothing_arms_again() {
         assert!(!bench.is_armed(), "flight {flight}");
         let truth = bench.truth.expect("it has flown");
         assert_eq!(truth.contact, Contact::Ground, "flight {flight}, {truth:?}");
-        assert!(bench.told.is_some_and(|it| !it.armed), "flight {flight}");
+        assert!(
+            bench.telemetry.is_some_and(|it| !it.armed),
+            "flight {flight}"
+        );
         bench.give(Input::FlightCommand(FlightCommand::Arm));
         bench.pass(10.0);
         assert!(!bench.is_armed() && bench.violation.is_none());
@@ -218,8 +223,8 @@ fn new_link_gets_its_port_and_the_newest_statuses_at_once() {
             events[..],
             [
                 PortEvent::Identified { .. },
-                PortEvent::Told(muster_msp::Telemetry::Status(_)),
-                PortEvent::Told(muster_msp::Telemetry::Status(_))
+                PortEvent::Telemetry(muster_msp::Telemetry::Status(_)),
+                PortEvent::Telemetry(muster_msp::Telemetry::Status(_))
             ]
         ),
         "{events:?}"
@@ -256,7 +261,9 @@ fn a_vehicle_stays_on_its_leg_however_often_its_link_restarts() {
         let what =
             format!("{receiver}, every {every_s} s: {high_m:.1} m, {aside_m:.1} m, {north_m:.0} m");
         assert!(high_m < 1.0 && aside_m < 4.0 && north_m > 50.0, "{what}");
-        assert!(bench.violation.is_none() && bench.told.is_some_and(|it| it.armed && !it.landing));
+        assert!(
+            bench.violation.is_none() && bench.telemetry.is_some_and(|it| it.armed && !it.landing)
+        );
     }
 }
 
@@ -276,14 +283,14 @@ fn bytes_that_were_altered_are_counted() {
     assert!((50..200).contains(&after.bad_frames), "{after:?}");
     assert!(after.noise_bytes > 10 * after.bad_frames, "{after:?}");
     assert!(after.questions_lost > 30, "{after:?}");
-    assert!(bench.violation.is_none() && bench.told.is_some_and(|it| !it.landing));
+    assert!(bench.violation.is_none() && bench.telemetry.is_some_and(|it| !it.landing));
 }
 
 /// What is left of a flight in which something goes wrong.
 #[derive(Debug)]
 struct End {
     /// From the fault until the link reported that it lands, in seconds.
-    told_s: f64,
+    reported_s: f64,
     why: Option<LandingCause>,
     contact: Contact,
     /// From the fault until the motors stopped, in seconds.
@@ -298,15 +305,15 @@ fn end_of(seed: u64, fault: ControllerFault) -> End {
     bench.pass(8.0);
     bench.fly(25.0, 0.0);
     bench.pass(15.0);
-    assert!(bench.told.is_some_and(|it| !it.landing), "it hovers");
+    assert!(bench.telemetry.is_some_and(|it| !it.landing), "it hovers");
     bench.affect(fault);
-    let (mut told_s, mut why, mut descent_mps) = (None, None, 0.0_f64);
+    let (mut reported_s, mut why, mut descent_mps) = (None, None, 0.0_f64);
     for step in 1..=600 {
         bench.pass(0.1);
         let seconds = f64::from(step) / 10.0;
-        if let Some(told) = bench.told.filter(|it| it.landing) {
-            told_s.get_or_insert(seconds);
-            why = why.or(told.landing_cause);
+        if let Some(telemetry) = bench.telemetry.filter(|it| it.landing) {
+            reported_s.get_or_insert(seconds);
+            why = why.or(telemetry.landing_cause);
         }
         let truth = bench.truth.expect("it has flown");
         if seconds > 10.0 && truth.contact == Contact::Airborne {
@@ -314,7 +321,7 @@ fn end_of(seed: u64, fault: ControllerFault) -> End {
         }
         if !truth.is_armed {
             return End {
-                told_s: told_s.expect("it was reported before"),
+                reported_s: reported_s.expect("it was reported before"),
                 why,
                 contact: truth.contact,
                 disarmed_s: seconds,
@@ -330,11 +337,11 @@ fn assert_lands(
     seed: u64,
     fault: ControllerFault,
     why: LandingCause,
-    (told_s, disarmed_s): (f64, f64),
+    (reported_s, disarmed_s): (f64, f64),
 ) {
     let end = end_of(seed, fault);
     assert_eq!(end.why, Some(why), "seed {seed}, {end:?}");
-    assert!(end.told_s <= told_s, "seed {seed}, {end:?}");
+    assert!(end.reported_s <= reported_s, "seed {seed}, {end:?}");
     assert_ne!(end.contact, Contact::Wreck, "seed {seed}, {end:?}");
     // The landing asks for 1.5 m/s; a fall is braked with 1 m/s².
     assert!(end.descent_mps <= 2.5, "seed {seed}, {end:?}");
@@ -342,7 +349,7 @@ fn assert_lands(
 }
 
 #[test]
-fn a_landing_whose_heights_all_come_too_late_goes_on_slowly() {
+fn landing_with_late_heights_only_continues_slowly() {
     let delay = ControllerFault::DelayBytes(Duration::from_millis(92));
     for (seed, after_s) in (0..).zip([0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 3.5, 4.0]) {
         let mut bench = Bench::flying("sole", seed);
@@ -361,7 +368,7 @@ fn an_aircraft_without_one_propeller_tumbles_is_reported_and_stops_its_motors() 
     for seed in 0..10 {
         let end = end_of(seed, ControllerFault::WeakenMotor(Some(2), 1.0));
         assert_eq!(end.why, Some(LandingCause::Tilt), "seed {seed}, {end:?}");
-        assert!(end.told_s <= 1.5, "seed {seed}, {end:?}");
+        assert!(end.reported_s <= 1.5, "seed {seed}, {end:?}");
         assert!(end.disarmed_s <= 20.0, "seed {seed}, {end:?}");
     }
 }

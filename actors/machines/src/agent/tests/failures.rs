@@ -49,13 +49,13 @@ fn restarted_agent_has_its_kept_state_and_its_drone_its_goal() {
     };
     assert_eq!(goals(&transmits).first(), Some(&goal));
     assert!(transmits.contains(&Transmit::Resync));
-    assert_eq!(*drone.host.mission().roster(), roster(&[2]));
+    assert_eq!(*drone.host.mission().drones_on_task(), ids(&[2]));
     // The routing repeats the newest order, which was acknowledged before.
     let order = Order::Task {
-        roster: roster(&[0, 1, 2]),
+        drones: ids(&[0, 1, 2]),
     };
     drone.order(3, &order);
-    assert_eq!(*drone.host.mission().roster(), roster(&[0, 1, 2]));
+    assert_eq!(*drone.host.mission().drones_on_task(), ids(&[0, 1, 2]));
 }
 
 #[test]
@@ -109,12 +109,7 @@ fn limits_of_messages_and_kept_states_are_errors() {
     let calls = Arc::clone(&drone.calls);
     let factory = Factory::new(move || Box::new(Greedy(Arc::clone(&calls))));
     drone.host.replace_factory(factory);
-    let (transmits, _) = drone.order(
-        3,
-        &Order::Task {
-            roster: roster(&[2]),
-        },
-    );
+    let (transmits, _) = drone.order(3, &Order::Task { drones: ids(&[2]) });
     assert_eq!(messages(&transmits), MESSAGES_PER_STEP_MAX);
     assert_eq!(
         drone.calls(),
@@ -138,12 +133,7 @@ fn destinations_are_kept_above_the_ground_and_below_the_limit() {
         let mut drone = member_in_slot();
         let factory = Factory::new(move || Box::new(To(altitude_m)));
         drone.host.replace_factory(factory);
-        let (transmits, _) = drone.order(
-            3,
-            &Order::Task {
-                roster: roster(&[2]),
-            },
-        );
+        let (transmits, _) = drone.order(3, &Order::Task { drones: ids(&[2]) });
         let to = Ned::new(0.0, 0.0, -flown_m);
         let goal = Goal::FlyTo {
             to,

@@ -11,7 +11,8 @@ const SIMULATED_FOR: Duration = Duration::from_secs(3);
 
 /// Which orders may leave for an autopilot.
 ///
-/// Invariant: in any stage but `sim`, or for an autopilot that has not reported that it is a simulation, only [`Order::Tell`] may.
+/// Invariant: in any stage but `sim`, or for an autopilot that has not reported that it is a simulation, only
+/// [`Order::RequestTelemetry`] may.
 #[derive(Debug)]
 pub(super) struct Gate {
     stage: Stage,
@@ -47,7 +48,7 @@ impl Gate {
     /// Whether an order may leave.
     pub(super) fn may_leave(&self, order: Order, now: Timestamp) -> bool {
         match order {
-            Order::Tell => true,
+            Order::RequestTelemetry => true,
             Order::Arm | Order::Guide => self.may_arm(now),
             _ => self.stage == Stage::Sim && self.is_simulation(),
         }

@@ -15,7 +15,7 @@ pub use self::contact::LOST_AFTER;
 use self::course::Course;
 use self::gate::Gate;
 use self::place::Place;
-pub use self::vocabulary::{Landed, Mode, Order, Told};
+pub use self::vocabulary::{AutopilotReport, Landed, Mode, Order};
 use super::controller::{Flight, Stage};
 use super::outputs::Outputs;
 use super::{Checkpoint, Event, FlightCommand, Input, PortEvent, Telemetry, Transmit};
@@ -104,9 +104,9 @@ impl AutopilotLink {
         self.report_news(now);
     }
 
-    fn handle_told(&mut self, now: Timestamp, told: Told) {
-        match told {
-            Told::Heartbeat { armed, mode } => {
+    fn handle_report(&mut self, now: Timestamp, report: AutopilotReport) {
+        match report {
+            AutopilotReport::Heartbeat { armed, mode } => {
                 let has_flown = self.arming.has_flown();
                 let is_news = self.contact.hear(now, armed, mode, has_flown);
                 if armed {
@@ -119,16 +119,18 @@ impl AutopilotLink {
                 }
                 self.keep();
             }
-            Told::Landed(landed) => self.landed = Some(landed),
-            Told::Origin(origin) => self.place.set_origin(origin, self.contact.is_armed()),
-            Told::Place { position, velocity } => {
+            AutopilotReport::Landed(landed) => self.landed = Some(landed),
+            AutopilotReport::Origin(origin) => {
+                self.place.set_origin(origin, self.contact.is_armed());
+            }
+            AutopilotReport::Place { position, velocity } => {
                 self.place.set(now, position, velocity);
                 if let (Some(stop), Some(course)) = (self.stop(), &mut self.course) {
                     course.begin(stop);
                 }
             }
-            Told::Charge(charge) => self.charge = Some(charge),
-            Told::Simulated => {
+            AutopilotReport::Charge(charge) => self.charge = Some(charge),
+            AutopilotReport::Simulated => {
                 if self.gate.hear_simulated(now) && self.acts_at.is_some() {
                     self.handle_second(now);
                     self.keep();
@@ -147,7 +149,7 @@ impl AutopilotLink {
         }
         let is_unknown = self.landed.is_none() || !self.gate.is_simulation();
         if self.place.lost_for(now).is_some() || is_unknown {
-            self.order(now, Order::Tell);
+            self.order(now, Order::RequestTelemetry);
         }
         if let Some(course) = self.course.filter(|_| self.flies()) {
             self.order(now, course.speed());
@@ -289,7 +291,7 @@ impl Machine for AutopilotLink {
     fn handle_input(&mut self, now: Timestamp, input: Input) {
         match input {
             Input::FlightCommand(command) => self.handle_command(now, command),
-            Input::Port(PortEvent::Autopilot(told)) => self.handle_told(now, told),
+            Input::Port(PortEvent::Autopilot(report)) => self.handle_report(now, report),
             // From a flight controller or a closed-form vehicle, which this link does not have.
             Input::Port(_) | Input::Telemetry(_) => {}
             Input::GiveUp => {

@@ -6,7 +6,7 @@ use crate::geodetic::{Geodetic, local_ned};
 use crate::geometry::{Ned, Velocity};
 use crate::time::Timestamp;
 
-/// Age of a position from which on it is lost. It is told ten times a second.
+/// Age of a position from which on it is lost. It is reported ten times a second.
 const FRESH: Duration = Duration::from_millis(500);
 
 /// The newest position.
@@ -19,7 +19,7 @@ pub(super) struct Place {
     /// Origin of the autopilot's frame in the drone's.
     offset: Option<Ned>,
     /// In the autopilot's frame.
-    told: Option<(Timestamp, Ned, Velocity)>,
+    reported: Option<(Timestamp, Ned, Velocity)>,
     /// Since when there is no position. `None` if there is one.
     lost_since: Timestamp,
 }
@@ -29,7 +29,7 @@ impl Place {
         Self {
             home,
             offset: None,
-            told: None,
+            reported: None,
             lost_since: now,
         }
     }
@@ -47,19 +47,19 @@ impl Place {
         if self.offset.is_none() {
             return;
         }
-        self.told = Some((now, position, velocity));
+        self.reported = Some((now, position, velocity));
         self.lost_since = now;
     }
 
     /// How long the position has been lost. `None` if it is known.
     pub(super) fn lost_for(&self, now: Timestamp) -> Option<Duration> {
         let silence = now.since(self.lost_since);
-        (self.told.is_none() || silence > FRESH).then_some(silence)
+        (self.reported.is_none() || silence > FRESH).then_some(silence)
     }
 
     /// The last known position and velocity in the drone's frame. `None` if there never was one.
     pub(super) fn last(&self) -> Option<(Ned, Velocity)> {
-        let (offset, (_, position, velocity)) = (self.offset?, self.told?);
+        let (offset, (_, position, velocity)) = (self.offset?, self.reported?);
         Some((position + offset, velocity))
     }
 

@@ -5,7 +5,7 @@ use crate::msp::Setpoint;
 
 const HOME: (f64, f64) = (39.0, -0.3);
 
-/// A link beside an autopilot that tells all that it knows ten times a second.
+/// A link beside an autopilot that reports all that it knows ten times a second.
 struct Bench {
     now: Timestamp,
     link: AutopilotLink,
@@ -75,8 +75,8 @@ impl Bench {
         self.drain();
     }
 
-    fn tell(&mut self, told: Told) {
-        self.give(Input::Port(PortEvent::Autopilot(told)));
+    fn report(&mut self, report: AutopilotReport) {
+        self.give(Input::Port(PortEvent::Autopilot(report)));
     }
 
     fn command(&mut self, command: FlightCommand) {
@@ -102,14 +102,14 @@ impl Bench {
             self.now += Duration::from_millis(100);
             if self.is_heard {
                 let (armed, mode) = (self.armed, self.mode);
-                self.tell(Told::Heartbeat { armed, mode });
+                self.report(AutopilotReport::Heartbeat { armed, mode });
                 if self.is_simulated {
-                    self.tell(Told::Simulated);
+                    self.report(AutopilotReport::Simulated);
                 }
-                self.tell(Told::Landed(self.landed));
-                self.tell(Told::Origin(config(Stage::Sim).home));
+                self.report(AutopilotReport::Landed(self.landed));
+                self.report(AutopilotReport::Origin(config(Stage::Sim).home));
                 let (position, velocity) = (self.position, self.velocity);
-                self.tell(Told::Place { position, velocity });
+                self.report(AutopilotReport::Place { position, velocity });
             }
             self.link.handle_timeout(self.now);
             self.drain();
@@ -123,7 +123,7 @@ impl Bench {
         self.orders.clone()
     }
 
-    fn told(&mut self) -> Telemetry {
+    fn latest_telemetry(&mut self) -> Telemetry {
         self.command(FlightCommand::Report);
         self.telemetry.unwrap()
     }
@@ -187,12 +187,15 @@ fn targets_and_positions_are_moved_between_the_autopilots_frame_and_the_drones()
     let mut other = AutopilotLink::new(config(Stage::Sim), None, Timestamp::ZERO);
     std::mem::swap(&mut bench.link, &mut other);
     bench.landed = Landed::Air;
-    bench.tell(Told::Origin(origin));
+    bench.report(AutopilotReport::Origin(origin));
     bench.run(1.0);
     // 0.001° of latitude, and no difference of altitude.
-    let told = bench.told();
-    assert!((told.position.north_m() - 111.0).abs() < 0.5, "{told:?}");
-    assert!((told.position.altitude_m() - 20.0).abs() < 1e-9);
+    let telemetry = bench.latest_telemetry();
+    assert!(
+        (telemetry.position.north_m() - 111.0).abs() < 0.5,
+        "{telemetry:?}"
+    );
+    assert!((telemetry.position.altitude_m() - 20.0).abs() < 1e-9);
     bench.orders.clear();
     bench.command(FlightCommand::Fly(LEG));
     let to = bench.orders.iter().find_map(|order| match order {
@@ -207,10 +210,10 @@ fn heartbeats_lost_in_the_air_are_a_lost_link_and_it_lands_once_heard_again() {
     let mut bench = Bench::flying();
     bench.is_heard = false;
     bench.run(3.5);
-    assert!(!bench.told().landing);
+    assert!(!bench.latest_telemetry().landing);
     bench.run(1.0);
-    let told = bench.told();
-    assert!(told.armed && told.landing && told.position_lost_for.is_some());
+    let telemetry = bench.latest_telemetry();
+    assert!(telemetry.armed && telemetry.landing && telemetry.position_lost_for.is_some());
     assert!(!bench.orders_of(3.0).contains(&Order::Heartbeat));
     bench.is_heard = true;
     let orders = bench.orders_of(2.0);
@@ -220,7 +223,7 @@ fn heartbeats_lost_in_the_air_are_a_lost_link_and_it_lands_once_heard_again() {
     (bench.armed, bench.landed) = (false, Landed::Ground);
     let orders = bench.orders_of(2.0);
     assert!(orders.contains(&Order::Heartbeat) && !orders.contains(&Order::Arm));
-    assert!(!bench.told().armed);
+    assert!(!bench.latest_telemetry().armed);
 }
 
 #[test]
@@ -228,8 +231,8 @@ fn an_aircraft_that_another_mode_takes_gets_no_order_but_heartbeats() {
     let mut bench = Bench::flying();
     bench.mode = Mode::Other;
     bench.run(0.1);
-    let told = bench.told();
-    assert!(told.landing && told.landing_cause == Some(crate::msp::LandingCause::Pilot));
+    let telemetry = bench.latest_telemetry();
+    assert!(telemetry.landing && telemetry.landing_cause == Some(crate::msp::LandingCause::Pilot));
     bench.command(FlightCommand::Fly(LEG));
     bench.command(FlightCommand::Land);
     bench.mode = Mode::Guided;
@@ -242,7 +245,7 @@ fn an_aircraft_that_another_mode_takes_gets_no_order_but_heartbeats() {
 }
 
 #[test]
-fn restarted_link_goes_on_with_the_leg_and_never_arms_again() {
+fn restarted_link_continues_the_leg_and_never_arms_again() {
     let mut bench = Bench::flying();
     let checkpoint = bench.checkpoint;
     bench.link = AutopilotLink::new(config(Stage::Sim), checkpoint, bench.now);
@@ -272,21 +275,21 @@ fn it_lands_when_the_supervisor_gives_up_and_ignores_commands() {
         orders.iter().all(|it| *it == Order::Heartbeat),
         "{orders:?}"
     );
-    assert!(bench.told().landing);
+    assert!(bench.latest_telemetry().landing);
 }
 
 #[test]
 fn it_does_not_arm_without_a_position() {
     let mut bench = Bench::new(Stage::Sim);
-    let heartbeat = Told::Heartbeat {
+    let heartbeat = AutopilotReport::Heartbeat {
         armed: false,
         mode: Mode::Guided,
     };
-    bench.tell(Told::Simulated);
-    bench.tell(heartbeat);
+    bench.report(AutopilotReport::Simulated);
+    bench.report(heartbeat);
     bench.command(FlightCommand::Arm);
-    assert_eq!(bench.orders, [Order::Heartbeat, Order::Tell]);
-    assert!(bench.told().position_lost_for.is_some());
+    assert_eq!(bench.orders, [Order::Heartbeat, Order::RequestTelemetry]);
+    assert!(bench.latest_telemetry().position_lost_for.is_some());
 }
 
 #[test]
@@ -297,7 +300,7 @@ fn it_does_not_arm_an_autopilot_that_does_not_say_that_it_is_a_simulation() {
     bench.run(1.0);
     bench.command(FlightCommand::Arm);
     let orders = bench.orders_of(10.0);
-    assert!(!orders.is_empty() && orders.iter().all(|it| *it == Order::Tell));
+    assert!(!orders.is_empty() && orders.iter().all(|it| *it == Order::RequestTelemetry));
     bench.is_simulated = true;
     assert!(bench.orders_of(2.0).contains(&Order::Arm));
 }
@@ -327,19 +330,19 @@ fn restarted_link_lands_an_autopilot_only_once_that_says_again_that_it_is_a_simu
 
 fn inputs() -> impl Strategy<Value = Input> {
     let mode = prop_oneof![Just(Mode::Guided), Just(Mode::Landing), Just(Mode::Other)];
-    let told = prop_oneof![
-        (any::<bool>(), mode).prop_map(|(armed, mode)| Told::Heartbeat { armed, mode }),
-        Just(Told::Landed(Landed::Ground)),
-        Just(Told::Landed(Landed::Air)),
-        Just(Told::Simulated),
-        Just(Told::Origin(config(Stage::Bench).home)),
-        Just(Told::Place {
+    let report = prop_oneof![
+        (any::<bool>(), mode).prop_map(|(armed, mode)| AutopilotReport::Heartbeat { armed, mode }),
+        Just(AutopilotReport::Landed(Landed::Ground)),
+        Just(AutopilotReport::Landed(Landed::Air)),
+        Just(AutopilotReport::Simulated),
+        Just(AutopilotReport::Origin(config(Stage::Bench).home)),
+        Just(AutopilotReport::Place {
             position: Ned::HOME,
             velocity: Velocity::ZERO
         }),
     ];
     prop_oneof![
-        4 => told.prop_map(|told| Input::Port(PortEvent::Autopilot(told))),
+        4 => report.prop_map(|report| Input::Port(PortEvent::Autopilot(report))),
         1 => Just(Input::FlightCommand(FlightCommand::Arm)),
         1 => Just(Input::FlightCommand(FlightCommand::Fly(LEG))),
         1 => Just(Input::FlightCommand(FlightCommand::Land)),
@@ -357,19 +360,19 @@ proptest! {
             bench.link.handle_timeout(bench.now);
             bench.drain();
         }
-        prop_assert!(bench.orders.iter().all(|it| *it == Order::Tell), "{:?}", bench.orders);
+        prop_assert!(bench.orders.iter().all(|it| *it == Order::RequestTelemetry), "{:?}", bench.orders);
     }
 
     #[test]
-    fn of_what_says_of_no_simulation_it_only_asks_for_telemetry(inputs in proptest::collection::vec(inputs(), 1..60)) {
+    fn autopilot_that_reports_no_simulation_gets_only_telemetry_requests(inputs in proptest::collection::vec(inputs(), 1..60)) {
         let mut bench = Bench::new(Stage::Sim);
-        let says_so = Input::Port(PortEvent::Autopilot(Told::Simulated));
+        let says_so = Input::Port(PortEvent::Autopilot(AutopilotReport::Simulated));
         for input in inputs.into_iter().filter(|it| *it != says_so) {
             bench.now += Duration::from_millis(300);
             bench.give(input);
             bench.link.handle_timeout(bench.now);
             bench.drain();
         }
-        prop_assert!(bench.orders.iter().all(|it| *it == Order::Tell), "{:?}", bench.orders);
+        prop_assert!(bench.orders.iter().all(|it| *it == Order::RequestTelemetry), "{:?}", bench.orders);
     }
 }

@@ -1,11 +1,11 @@
-//! What an autopilot and its link tell each other, whatever bytes it travels in.
+//! Reports of an autopilot, and orders of its link to it, whatever bytes they travel in.
 
 use crate::geodetic::Geodetic;
 use crate::geometry::{Ned, Velocity};
 
-/// What an autopilot tells.
+/// Report of an autopilot.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Told {
+pub enum AutopilotReport {
     /// It is alive. Expected once a second.
     Heartbeat {
         /// The motors are armed.
@@ -54,13 +54,13 @@ pub enum Landed {
     Landing,
 }
 
-/// What an autopilot is told.
+/// Order to an autopilot.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Order {
     /// Its link is alive. While these stop, the autopilot's own failsafe is to act.
     Heartbeat,
-    /// Send all that is [`Told`], from now on.
-    Tell,
+    /// Send every [`AutopilotReport`], from now on.
+    RequestTelemetry,
     /// Take orders.
     Guide,
     /// Arm, on the ground.

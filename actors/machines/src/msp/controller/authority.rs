@@ -16,7 +16,7 @@ pub const LOST_AFTER: Duration = Duration::from_secs(1);
 
 /// Time without an answer that came early enough to be used, after which the link is lost although late ones come: then nothing
 /// is known of the aircraft. A stall of a moment makes some late.
-pub const UNTOLD_AFTER: Duration = Duration::from_secs(3);
+pub const FRESH_ANSWER_TIMEOUT: Duration = Duration::from_secs(3);
 
 /// Of the newest [`RC_COUNTED`](muster_msp::RC_COUNTED) RC frames, how many must be acknowledged; with fewer the link to an armed
 /// controller is lost, too. With 2 % of all bytes altered 41 are; then ten frames in a row, after which Betaflight counts its
@@ -72,7 +72,7 @@ pub(super) struct Authority {
     /// Until an answer comes, late or not.
     silence: Silence,
     /// Until an answer comes that can be used.
-    untold: Silence,
+    fresh_answers: Silence,
 }
 
 impl Authority {
@@ -82,7 +82,7 @@ impl Authority {
             receiver,
             taken,
             silence: Silence::new(LOST_AFTER, has_flown, now),
-            untold: Silence::new(UNTOLD_AFTER, has_flown, now),
+            fresh_answers: Silence::new(FRESH_ANSWER_TIMEOUT, has_flown, now),
         }
     }
 
@@ -109,7 +109,7 @@ impl Authority {
     pub(super) fn heard(&mut self, now: Timestamp, is_late: bool) {
         self.silence.heard(now);
         if !is_late {
-            self.untold.heard(now);
+            self.fresh_answers.heard(now);
         }
     }
 
@@ -137,21 +137,21 @@ impl Authority {
             };
         }
         self.silence.watch(now, reported.armed);
-        self.untold.watch(now, reported.armed);
+        self.fresh_answers.watch(now, reported.armed);
         self.taken.by_failsafe = reported.armed && (self.taken.by_failsafe || reported.failsafe);
     }
 
     /// When to call [`Self::handle_timeout`].
     pub(super) fn deadline(&self) -> Option<Timestamp> {
-        let deadlines = [self.silence.deadline(), self.untold.deadline()];
+        let deadlines = [self.silence.deadline(), self.fresh_answers.deadline()];
         deadlines.into_iter().flatten().min()
     }
 
     /// Returns whether the link has just been lost: the controller was silent for too long.
     pub(super) fn handle_timeout(&mut self, now: Timestamp) -> bool {
-        let [is_silent, is_untold] =
-            [&mut self.silence, &mut self.untold].map(|it| it.handle_timeout(now));
-        (is_silent || is_untold) && self.give_up()
+        let [is_silent, is_stale] =
+            [&mut self.silence, &mut self.fresh_answers].map(|it| it.handle_timeout(now));
+        (is_silent || is_stale) && self.give_up()
     }
 }
 

@@ -158,7 +158,7 @@ impl Guidance {
         self.from = from;
         if !self.is_landing {
             self.motion(estimate);
-            self.go_on(now, estimate);
+            self.resume(now, estimate);
         }
     }
 
@@ -194,7 +194,7 @@ impl Guidance {
         motion.forget(now);
         let is_left_behind = motion.position(now).distance_m(estimate.position) > LEFT_BEHIND_M;
         if is_left_behind {
-            self.go_on(now, estimate);
+            self.resume(now, estimate);
         }
         let motion = self.motion.as_ref()?;
         let position = motion.position(now);
@@ -232,8 +232,8 @@ impl Guidance {
     }
 
     /// Continues where the vehicle's course is next to it, so that what it was off is not kept; from where it is if that is far.
-    /// A landing that is about to come to the ground only goes on there.
-    fn go_on(&mut self, now: Timestamp, estimate: &Estimate) {
+    /// A landing that is about to come to the ground only continues there.
+    fn resume(&mut self, now: Timestamp, estimate: &Estimate) {
         let ground = self.motion.as_ref().filter(|_| self.expects_ground(now));
         let ground = ground.map(|it| estimate.position.at_altitude(it.position(now).altitude_m()));
         if let Some(there) = ground.filter(|it| it.distance_m(estimate.position) <= LEFT_BEHIND_M) {
@@ -400,7 +400,7 @@ mod tests {
     }
 
     #[test]
-    fn reference_that_was_not_asked_for_goes_on_as_if_it_had_been() {
+    fn reference_that_was_not_asked_for_continues_as_if_it_had_been() {
         let [asked, paused] = [4..5, 4..4].map(|meanwhile| {
             let (mut guidance, mut estimate) = begun(leg(50.0));
             references(&mut guidance, 0..4, &mut estimate);

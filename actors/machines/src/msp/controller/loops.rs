@@ -43,8 +43,8 @@ const fn hold(altitude_m: f64) -> Setpoint {
 /// Who has the sticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Hands {
-    /// Nobody: the motors are off.
-    Nobody,
+    /// The motors are off.
+    None,
     /// A pilot or the controller's failsafe, who took them from the link.
     Others,
     /// A pilot, who may give them to the link.
@@ -221,7 +221,7 @@ impl ControlLoops {
         self.estimator.expect_up(0.0);
         let tilt = self.estimator.tilt();
         match hands {
-            Hands::Nobody => {
+            Hands::None => {
                 self.lift = Lift::Ground;
                 return Sticks::IDLE;
             }
@@ -229,8 +229,8 @@ impl ControlLoops {
             Hands::Others => return self.control.level(tilt),
             Hands::Pilot | Hands::Link => {}
         }
-        let was_told = self.before.is_some_and(|it| it.setpoint.is_some());
-        let was_flying = self.lift == Lift::Left || was_told;
+        let had_setpoint = self.before.is_some_and(|it| it.setpoint.is_some());
+        let was_flying = self.lift == Lift::Left || had_setpoint;
         let Some(estimate) = self.estimator.estimate() else {
             // Right after a restart in the air, or right after arming.
             return self.level_if(was_flying || self.lift == Lift::Unknown, tilt);

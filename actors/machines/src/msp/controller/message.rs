@@ -1,14 +1,14 @@
-//! What a link is told.
+//! Input of a link from its port and from sensors.
 
 use std::time::Duration;
 
-use muster_msp::{FlowReading, Identity, Telemetry as Told};
+use muster_msp::{FlowReading, Identity, Telemetry as MspTelemetry};
 
 use super::config::Stage;
 use crate::geometry::Ned;
-use crate::msp::autopilot;
+use crate::msp::autopilot::AutopilotReport;
 
-/// What a link is told: by the port of its controller, or by a sensor beside it.
+/// Event of the port of a controller, or of a sensor beside it.
 #[derive(Debug, Clone, PartialEq)]
 pub enum PortEvent {
     /// The controller said who it is. The port is open.
@@ -20,14 +20,14 @@ pub enum PortEvent {
     },
     /// The port was closed.
     Closed,
-    /// The controller told something.
-    Told(Told),
+    /// The controller reported something.
+    Telemetry(MspTelemetry),
     /// A sensor beside the controller measured where the vehicle is.
     Pose(Pose),
     /// An optical flow module beside the controller measured something.
     Flow(FlowReading),
-    /// An autopilot told something.
-    Autopilot(autopilot::Told),
+    /// An autopilot reported something.
+    Autopilot(AutopilotReport),
 }
 
 /// Where a vehicle is, as measured from outside: by motion capture, beacons or a localisation of its own.

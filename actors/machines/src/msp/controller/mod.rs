@@ -20,11 +20,11 @@ mod touchdown;
 
 use std::time::Duration;
 
-use muster_msp::{Status, Telemetry as Told};
+use muster_msp::{Status, Telemetry as MspTelemetry};
 
 use self::arming::Arming;
 use self::authority::Authority;
-pub use self::authority::{ACKNOWLEDGED_MIN, Handover, LOST_AFTER, Taken, UNTOLD_AFTER};
+pub use self::authority::{ACKNOWLEDGED_MIN, FRESH_ANSWER_TIMEOUT, Handover, LOST_AFTER, Taken};
 use self::battery::Gauge;
 pub use self::checkpoint::Flight;
 pub use self::config::{Config, FlowModule, Gains, Noise, PlaceSensor, Receiver, Stage};
@@ -149,39 +149,40 @@ impl ControllerLink {
                 self.loops.estimator.predict(now);
                 self.loops.estimator.measure_flow(now, &reading);
             }
-            PortEvent::Told(told) => {
+            PortEvent::Telemetry(telemetry) => {
                 self.loops.estimator.predict(now);
-                if !matches!(told, Told::Acknowledged(_)) {
-                    self.authority.heard(now, matches!(told, Told::Late));
+                if !matches!(telemetry, MspTelemetry::Acknowledged(_)) {
+                    self.authority
+                        .heard(now, matches!(telemetry, MspTelemetry::Late));
                 }
-                match told {
-                    Told::Status(status) => self.handle_status(now, &status),
-                    Told::Attitude(attitude) => {
+                match telemetry {
+                    MspTelemetry::Status(status) => self.handle_status(now, &status),
+                    MspTelemetry::Attitude(attitude) => {
                         self.loops.estimator.measure_attitude(now, &attitude);
                     }
-                    Told::Altitude(altitude) => {
+                    MspTelemetry::Altitude(altitude) => {
                         self.loops.estimator.measure_altitude(now, &altitude);
                     }
-                    Told::Gps(gps) if self.place == PlaceSensor::Gps => {
+                    MspTelemetry::Gps(gps) if self.place == PlaceSensor::Gps => {
                         self.loops.estimator.measure_gps(now, &gps);
                     }
-                    Told::Gps(_) => return,
-                    Told::Battery(state) if battery::is_possible(&state) => {
+                    MspTelemetry::Gps(_) => return,
+                    MspTelemetry::Battery(state) if battery::is_possible(&state) => {
                         self.gauge.measure(&state);
                         self.loops.watch.measure_battery(&state);
                     }
-                    Told::Motor(motors) => self.loops.watch.measure_motors(&motors),
-                    Told::Acknowledged(count) => {
+                    MspTelemetry::Motor(motors) => self.loops.watch.measure_motors(&motors),
+                    MspTelemetry::Acknowledged(count) => {
                         if self.authority.count_acknowledged(count) {
                             self.lose(now);
                         }
                         return;
                     }
-                    Told::Battery(_)
-                    | Told::Rc(_)
-                    | Told::Sonar(_)
-                    | Told::Analog(_)
-                    | Told::Late => return,
+                    MspTelemetry::Battery(_)
+                    | MspTelemetry::Rc(_)
+                    | MspTelemetry::Sonar(_)
+                    | MspTelemetry::Analog(_)
+                    | MspTelemetry::Late => return,
                 }
                 self.take_up(now);
             }
@@ -256,7 +257,7 @@ impl ControllerLink {
 
     fn hands(&self) -> Hands {
         if !self.is_armed() {
-            Hands::Nobody
+            Hands::None
         } else if !self.authority.is_links() {
             Hands::Others
         } else if self.authority.is_waiting() {

@@ -65,7 +65,7 @@ fn granted(board: [u8; 4], granted: Stage) -> PortEvent {
 
 /// A status with these modes active, by their places in [`identity`].
 fn status(modes: u32) -> PortEvent {
-    PortEvent::Told(Told::Status(Status {
+    PortEvent::Telemetry(MspTelemetry::Status(Status {
         head: StatusHead {
             modes,
             ..StatusHead::default()
@@ -84,7 +84,7 @@ const FAILSAFE: u32 = 4;
 const OVERRIDE: u32 = 8;
 
 fn fix() -> PortEvent {
-    PortEvent::Told(Told::Gps(RawGps {
+    PortEvent::Telemetry(MspTelemetry::Gps(RawGps {
         fix: 1,
         satellites: 12,
         latitude_e7: 490_000_000,
@@ -130,7 +130,7 @@ impl Bench {
         let mut bench = Self::new(config, None);
         bench.give(Input::Port(identity));
         bench.give(Input::Port(fix()));
-        let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+        let altitude = PortEvent::Telemetry(MspTelemetry::Altitude(Altitude::default()));
         bench.give(Input::Port(altitude));
         bench.give(Input::Port(status(0)));
         bench
@@ -180,7 +180,7 @@ impl Bench {
             self.drain();
             if self.now_ms.is_multiple_of(100) {
                 self.give(Input::Port(fix()));
-                let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+                let altitude = PortEvent::Telemetry(MspTelemetry::Altitude(Altitude::default()));
                 self.give(Input::Port(altitude));
                 self.give(Input::Port(status(modes)));
             }
@@ -286,7 +286,9 @@ fn vehicle_that_is_met_in_the_air_by_a_link_that_knows_nothing_sinks_slowly() {
             altitude_cm: 1_200 - step,
             climb_cmps: -50,
         };
-        bench.give(Input::Port(PortEvent::Told(Told::Altitude(altitude))));
+        bench.give(Input::Port(PortEvent::Telemetry(MspTelemetry::Altitude(
+            altitude,
+        ))));
         bench.give(Input::Port(status(ARM)));
     }
     assert!(bench.telemetry.last().unwrap().landing);
@@ -302,7 +304,9 @@ fn vehicle_that_a_pilot_hands_over_in_the_air_stays_there() {
                 altitude_cm,
                 climb_cmps: if altitude_cm < 1_000 { 50 } else { 0 },
             };
-            bench.give(Input::Port(PortEvent::Told(Told::Altitude(altitude))));
+            bench.give(Input::Port(PortEvent::Telemetry(MspTelemetry::Altitude(
+                altitude,
+            ))));
             bench.give(Input::Port(fix()));
             bench.give(Input::Port(status(modes)));
         }

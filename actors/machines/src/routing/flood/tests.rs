@@ -134,7 +134,7 @@ fn in_hop_update() -> (FloodRouting, Timestamp) {
 }
 
 #[test]
-fn neighbour_whose_reports_omit_this_drone_is_deaf_until_they_list_it() {
+fn neighbour_that_does_not_list_this_drone_is_deaf_until_it_does() {
     let mut drone = routing(1);
     let deaf = Packet::Flood(Flood {
         hears: NodeSet::from(NodeId(0)),

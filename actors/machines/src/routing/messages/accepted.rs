@@ -1,4 +1,4 @@
-//! Frames that this drone has accepted, and that their senders are to be told of.
+//! Frames that this drone has accepted, and that are to be acknowledged to their senders.
 
 use std::collections::BTreeMap;
 
@@ -13,7 +13,7 @@ const FRAMES_MAX: usize = 64;
 /// Most groups of numbers in one packet.
 pub(super) const GROUPS_MAX: usize = 16;
 
-/// What each neighbour is to be told.
+/// What is to be acknowledged to each neighbour.
 ///
 /// Invariant: no neighbour's list is empty or longer than [`FRAMES_MAX`].
 #[derive(Debug, Default)]
@@ -34,12 +34,12 @@ impl Owed {
         }
     }
 
-    /// When a neighbour must be told.
+    /// When a neighbour must get an acknowledgement.
     pub(super) fn due(&self) -> Option<Timestamp> {
         self.0.values().map(|(due, _)| *due).min()
     }
 
-    /// Whom a packet that is due now is for: a neighbour, or `None` for several. Outer `None` if none is due.
+    /// Receiver of a packet that is due now: a neighbour, or `None` for several. Outer `None` if none is due.
     pub(super) fn receiver(&self, now: Timestamp) -> Option<Option<NodeId>> {
         if self.due().is_none_or(|due| due > now) {
             return None;

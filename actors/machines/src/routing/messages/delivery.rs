@@ -81,12 +81,12 @@ impl Messages {
             return;
         }
         let is_for_this_drone = cx.is_for_this_drone(frame.to);
-        let goes_on = match frame.to {
+        let is_forwarded = match frame.to {
             Destination::All => frame.hops < MESSAGE_HOPS_MAX,
             Destination::Neighbours => false,
             _ => !is_for_this_drone && frame.hops < MESSAGE_HOPS_MAX,
         };
-        if goes_on && !self.queue.has_room(frame.origin) {
+        if is_forwarded && !self.queue.has_room(frame.origin) {
             return;
         }
         if !self.admits(cx, sender, id, &frame) {
@@ -96,8 +96,8 @@ impl Messages {
         if is_for_this_drone && frame.origin != self.id {
             self.deliver(cx, &frame);
         }
-        let tells_by_relaying = goes_on && self.pass_on(cx, sender, (id, reach), frame);
-        if is_asked && !tells_by_relaying {
+        let acknowledges_by_relaying = is_forwarded && self.pass_on(cx, sender, (id, reach), frame);
+        if is_asked && !acknowledges_by_relaying {
             self.owed.add(sender, id, cx.now);
         }
     }
@@ -171,7 +171,7 @@ impl Messages {
             frame.number = id.number;
         }
         frame.hops += 1;
-        let tells = reach == Reach::Flood && !awaited.is_empty();
+        let acknowledges = reach == Reach::Flood && !awaited.is_empty();
         self.queue.push(Entry {
             id,
             frame,
@@ -185,7 +185,7 @@ impl Messages {
             avoided,
             blocked_by: None,
         });
-        tells
+        acknowledges
     }
 
     /// Delivers a frame to the protocol, or an acknowledgement to the own messages.

@@ -1,4 +1,4 @@
-//! The receiver's side: large messages that arrive in pieces, and what their origins are to be told.
+//! The receiver's side: large messages that arrive in pieces, and what is to be acknowledged to their origins.
 
 use std::collections::BTreeMap;
 
@@ -67,15 +67,15 @@ impl Reassembly {
     }
 }
 
-/// What an origin is to be told.
+/// What is to be acknowledged to an origin.
 #[derive(Debug, Default)]
 struct Receipt {
-    /// The newest whole message, and when it must be told.
+    /// The newest whole message, and when it must be acknowledged.
     whole: Option<(Timestamp, MessageId)>,
-    /// The message in pieces, and when it must be told.
+    /// The message in pieces, and when it must be acknowledged.
     pieces: Option<(Timestamp, MessageId)>,
-    /// Number of pieces of it that were not told.
-    untold: u32,
+    /// Number of pieces of it that were not reported.
+    unreported: u32,
     /// The message in pieces that arrived last, and its number of pieces.
     complete: Option<(MessageId, u32)>,
 }
@@ -101,7 +101,7 @@ impl Inbox {
         let receipt = self.receipts.entry(origin).or_default();
         let (due, known) = (receipt.whole).get_or_insert((now + RECEIPT_DELAY, message));
         if known.0 != message.0 || known.1 < message.1 {
-            // Earlier numbers of another session are told at once by their repetition.
+            // Earlier numbers of another session are acknowledged at once by their repetition.
             *known = message;
         } else if known.1 - message.1 > 32 {
             *known = message;
@@ -150,8 +150,8 @@ impl Inbox {
         let is_new = reassembly.add(index, piece, now);
         let is_complete = reassembly.missing == 0;
         let receipt = self.receipts.entry(origin).or_default();
-        receipt.untold += 1;
-        let is_due = !is_new || is_complete || receipt.untold >= PIECES_A_RECEIPT;
+        receipt.unreported += 1;
+        let is_due = !is_new || is_complete || receipt.unreported >= PIECES_A_RECEIPT;
         let due = if is_due { now } else { now + PROGRESS_DELAY };
         let until = receipt.pieces.filter(|(_, of)| *of == message);
         receipt.pieces = Some((until.map_or(due, |(at, _)| at.min(due)), message));
@@ -181,7 +181,7 @@ impl Inbox {
         now: Timestamp,
         before: impl Fn(NodeId, MessageId) -> u32,
     ) -> Option<(NodeId, MessageBody)> {
-        let is_due = |told: &Option<(Timestamp, MessageId)>| told.is_some_and(|(at, _)| at <= now);
+        let is_due = |due: &Option<(Timestamp, MessageId)>| due.is_some_and(|(at, _)| at <= now);
         let owed = self.receipts.iter_mut();
         let mut owed = owed.filter(|(_, it)| is_due(&it.whole) || is_due(&it.pieces));
         let (origin, receipt) = owed.next()?;
@@ -196,7 +196,7 @@ impl Inbox {
             return Some((origin, body));
         }
         let (_, message) = receipt.pieces.take()?;
-        receipt.untold = 0;
+        receipt.unreported = 0;
         let complete = receipt.complete.take_if(|(of, _)| *of == message);
         let (below, beyond) = match (complete, self.reassemblies.get(&origin)) {
             (Some((_, count)), _) => (count, 0),

@@ -1,7 +1,7 @@
 //! Messages: payloads of the protocol from drone to drone over several hops, for any policy.
 //!
 //! A frame of a message goes to the leader along the parents, to one drone along the branch that it is known on or back
-//! along the way that its own messages came, and to all along the branches of the tree. Where no route is known, all
+//! along the route of its own messages, and to all along the branches of the tree. Where no route is known, all
 //! drones pass it on once. Each hop acknowledges what it has accepted, and repeats what was not (`queue`, `accepted`).
 //! The origin repeats what the receiver has not acknowledged (`own`), in pieces if it is large (`transfer`, `inbox`).
 //!

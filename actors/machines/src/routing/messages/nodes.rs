@@ -1,5 +1,4 @@
-//! What a drone remembers of others: the numbers it has seen, the budget that is left, and the way that their messages
-//! came.
+//! What a drone remembers of others: the numbers it has seen, the budget that is left, and the route of their messages.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Messages as the protocol gives them, and what it is told of them.
+//! Messages as the protocol gives them, and what is to be reported to it of them.
 
 use bytes::Bytes;
 use thiserror::Error;

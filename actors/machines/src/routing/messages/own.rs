@@ -232,7 +232,7 @@ impl Own {
         ids.collect()
     }
 
-    /// A receiver acknowledges pieces; returns the message if all have arrived, and whether its end is to be told.
+    /// A receiver acknowledges pieces; returns the message if all have arrived, and whether its end is to be reported.
     pub(super) fn record_progress(
         &mut self,
         now: Timestamp,

@@ -41,10 +41,10 @@ pub(super) enum Reach {
     Neighbours,
 }
 
-/// What the protocol is told of an own frame.
+/// What is to be reported to the protocol of an own frame.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Report {
-    /// Nothing: others are told, or the message's end is known elsewhere.
+    /// Nothing: another drone reports it, or the message's end is known elsewhere.
     Nothing,
     /// That it was lost here, with the protocol's number of the message.
     Losses(u32),

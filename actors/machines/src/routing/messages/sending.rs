@@ -168,7 +168,7 @@ impl Messages {
         self.send(cx, to, &message);
     }
 
-    /// Tells neighbours what was accepted, if it is due and no frame carries it.
+    /// Acknowledges to neighbours what was accepted, if it is due and no frame carries it.
     pub(super) fn send_owed(&mut self, cx: &mut Context<'_>) {
         while self.sending.pace.has_tokens(cx.now, &SEND_BUDGET)
             && let Some(to) = self.owed.receiver(cx.now)

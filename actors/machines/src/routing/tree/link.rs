@@ -65,7 +65,7 @@ pub(super) struct Report {
     pub(super) requests_own: bool,
     /// Number of neighbours whose state it requested.
     pub(super) request_count: u16,
-    /// Whether it hears this drone; `None` if the frame does not tell.
+    /// Whether it hears this drone; `None` if the frame does not contain it.
     pub(super) hears_own: Option<bool>,
     /// Whether the master is going to land.
     pub(super) master_lands: bool,
@@ -391,7 +391,7 @@ impl Report {
     }
 }
 
-/// Whether a neighbour reports or shows that it hears `own`; `None` if the frame does not tell.
+/// Whether a neighbour reports or shows that it hears `own`; `None` if the frame does not contain it.
 pub(super) fn reports_hearing(own: NodeId, frame: &TreeFrame<'_>) -> Option<bool> {
     if frame.header.parent == Some(own) || frame.to == Some(own) || frame.requests.contains(own) {
         Some(true)

@@ -233,7 +233,7 @@ fn frames_of_unknown_nodes_are_ignored() {
 }
 
 #[test]
-fn neighbour_whose_reports_omit_this_drone_is_deaf_until_they_list_it() {
+fn neighbour_that_does_not_list_this_drone_is_deaf_until_it_does() {
     let mut master = Node::new(0);
     master.input(Input::Lead(MASTER));
     let hears = child_heartbeat(1, 0, 1);

@@ -4,10 +4,10 @@ use muster_machines::msp::PortEvent;
 
 /// Port events that wait until the link to the vehicle runs and has room.
 ///
-/// Invariant: a link that missed that its port was closed is told so before it is introduced to the port.
+/// Invariant: a link that missed that its port was closed learns that before it is introduced to the port.
 #[derive(Debug, Default)]
 pub(super) struct PendingPortEvents {
-    /// The link had no room for the word that its port was closed.
+    /// The link had no room for the event that its port was closed.
     closing: bool,
     /// The link has started, or had no room for the identity of the flight controller.
     introduction: bool,
@@ -60,14 +60,14 @@ mod tests {
         }
     }
 
-    fn told() -> PortEvent {
-        PortEvent::Told(Telemetry::Status(Status::default()))
+    fn status() -> PortEvent {
+        PortEvent::Telemetry(Telemetry::Status(Status::default()))
     }
 
     /// The events that a link with room for `room` of them gets.
     fn delivered(pending: &mut PendingPortEvents, room: usize) -> Vec<PortEvent> {
         let mut delivered = Vec::new();
-        let introduction = || [identified(), told()].into_iter();
+        let introduction = || [identified(), status()].into_iter();
         pending.deliver(introduction, |event| {
             let has_room = delivered.len() < room;
             if has_room {
@@ -87,7 +87,7 @@ mod tests {
         assert_eq!(delivered(&mut pending, 1), [PortEvent::Closed]);
         // An introduction that did not fit is repeated as a whole.
         assert_eq!(delivered(&mut pending, 1), [identified()]);
-        assert_eq!(delivered(&mut pending, 2), [identified(), told()]);
+        assert_eq!(delivered(&mut pending, 2), [identified(), status()]);
         assert!(delivered(&mut pending, 2).is_empty());
     }
 
@@ -98,17 +98,17 @@ mod tests {
         pending.post(identified(), |_| true);
         assert_eq!(
             delivered(&mut pending, 3),
-            [PortEvent::Closed, identified(), told()]
+            [PortEvent::Closed, identified(), status()]
         );
     }
 
     #[test]
     fn missed_identity_is_delivered_later_and_missed_telemetry_is_not() {
         let mut pending = PendingPortEvents::default();
-        pending.post(told(), |_| false);
+        pending.post(status(), |_| false);
         pending.post(identified(), |_| true);
         assert!(delivered(&mut pending, 2).is_empty());
         pending.post(identified(), |_| false);
-        assert_eq!(delivered(&mut pending, 2), [identified(), told()]);
+        assert_eq!(delivered(&mut pending, 2), [identified(), status()]);
     }
 }

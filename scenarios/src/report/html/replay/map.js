@@ -123,7 +123,7 @@ class SwarmMap extends Ground {
     return this.record.byId.get(now.parent) ?? null;
   }
 
-  /** The way of the selected drone to its master. */
+  /** Route from the selected drone to its master. */
   drawRoute() {
     if (!this.selected) return;
     const { context } = this;

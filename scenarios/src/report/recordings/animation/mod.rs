@@ -113,7 +113,7 @@ fn waypoints(map: &Map, flight: &Flight) -> Markup {
     html! {
         @for swarm in flight.swarms() {
             @let points: Vec<_> = swarm.waypoints.iter().map(|it| map.point_px(*it)).collect();
-            polyline.way points=(points.iter().map(|(x, y)| format!("{x},{y}")).collect::<Vec<_>>().join(" ")) {}
+            polyline.path points=(points.iter().map(|(x, y)| format!("{x},{y}")).collect::<Vec<_>>().join(" ")) {}
             @for (index, (x, y)) in points.iter().enumerate() {
                 // A place that is visited again has one mark, with the last number.
                 @let again = points.iter().skip(index + 1).any(|later| later == &(*x, *y));

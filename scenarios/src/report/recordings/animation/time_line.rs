@@ -8,11 +8,11 @@ use super::{MARGIN_PX, WIDTH_PX};
 use crate::report::html::axis::{px, ticks};
 use crate::report::{Flight, Mark, MarkKind};
 
-/// Marks of one moment are told together if they are nearer than this, in seconds of the picture.
+/// Marks of one moment are shown together if they are nearer than this, in seconds of the picture.
 const TOGETHER_S: f64 = 0.25;
 
-/// Kinds of marks that are told, the most important first.
-const TOLD: [MarkKind; 9] = [
+/// Kinds of marks that are shown, the most important first.
+const SHOWN: [MarkKind; 9] = [
     MarkKind::Death,
     MarkKind::Leader,
     MarkKind::Election,
@@ -24,10 +24,10 @@ const TOLD: [MarkKind; 9] = [
     MarkKind::Waypoint,
 ];
 
-fn told<'a>(flight: &'a Flight, clock: &'a Clock) -> Vec<&'a Mark> {
+fn shown_marks<'a>(flight: &'a Flight, clock: &'a Clock) -> Vec<&'a Mark> {
     let marks = flight.swarms().flat_map(|swarm| &swarm.history.marks);
     let mut marks: Vec<_> = marks
-        .filter(|mark| TOLD.contains(&mark.kind) && clock.shows(mark.at.as_secs_f64()))
+        .filter(|mark| SHOWN.contains(&mark.kind) && clock.shows(mark.at.as_secs_f64()))
         .collect();
     marks.sort_by_key(|mark| mark.at);
     marks
@@ -35,7 +35,7 @@ fn told<'a>(flight: &'a Flight, clock: &'a Clock) -> Vec<&'a Mark> {
 
 /// The last thing that has happened, above the map.
 pub(super) fn captions(flight: &Flight, clock: &Clock) -> Markup {
-    let marks = told(flight, clock);
+    let marks = shown_marks(flight, clock);
     let share = |mark: &Mark| clock.share(mark.at.as_secs_f64());
     let together = clock.share_of_played(TOGETHER_S);
     let groups: Vec<&[&Mark]> = marks
@@ -65,7 +65,7 @@ fn chief<'a>(group: &[&'a Mark]) -> &'a Mark {
 
 /// The place of a mark's kind in the order of importance.
 fn rank(mark: &Mark) -> Option<usize> {
-    TOLD.iter().position(|kind| *kind == mark.kind)
+    SHOWN.iter().position(|kind| *kind == mark.kind)
 }
 
 /// The most important marks last, so that they are drawn on top.
@@ -103,7 +103,7 @@ pub(super) fn time_line(flight: &Flight, clock: &Clock) -> Markup {
         @for at_s in ticks(from_s, to_s, 9.0) {
             text.tick x=(x(at_s)) y="40" text-anchor="middle" { (at_s) " s" }
         }
-        @for mark in by_importance(told(flight, clock)) {
+        @for mark in by_importance(shown_marks(flight, clock)) {
             @if mark.kind != MarkKind::Waypoint {
                 circle.mark.(mark.kind.name().split(' ').next().unwrap_or_default()) cx=(x(mark.at.as_secs_f64())) cy="14" r="6" {}
             }

@@ -180,7 +180,7 @@ fn scene() -> Fields {
         ("texts", list(&text())),
         ("models", unused()),
     ];
-    let about = "A drone, the links to parents, or the way of the mission";
+    let about = "A drone, the links to parents, or the path of the mission";
     let entity = object(about, entity);
     vec![("deletions", list(&deletion)), ("entities", list(&entity))]
 }

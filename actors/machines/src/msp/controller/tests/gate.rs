@@ -39,11 +39,11 @@ fn any_stage() -> impl Strategy<Value = Stage> {
     ]
 }
 
-fn any_told() -> impl Strategy<Value = PortEvent> {
+fn any_telemetry() -> impl Strategy<Value = PortEvent> {
     let board = prop_oneof![Just(*b"SITL"), Just(*b"S405"), any::<[u8; 4]>()];
     let identity = (board, any_stage()).prop_map(|(board, stage)| granted(board, stage));
     let flags = (any::<u32>(), any::<u8>(), any::<u32>()).prop_map(|(modes, count, bits)| {
-        Told::Status(Status {
+        MspTelemetry::Status(Status {
             head: StatusHead {
                 modes,
                 ..StatusHead::default()
@@ -57,7 +57,7 @@ fn any_told() -> impl Strategy<Value = PortEvent> {
     });
     let gps = (any::<[i32; 2]>(), any::<[u8; 2]>(), any::<[u16; 3]>()).prop_map(
         |([latitude_e7, longitude_e7], [fix, satellites], [altitude_m, speed, course])| {
-            Told::Gps(RawGps {
+            MspTelemetry::Gps(RawGps {
                 fix,
                 satellites,
                 latitude_e7,
@@ -70,30 +70,30 @@ fn any_told() -> impl Strategy<Value = PortEvent> {
         },
     );
     let attitude = any::<[i16; 3]>().prop_map(|[roll_ddeg, pitch_ddeg, yaw_deg]| {
-        Told::Attitude(Attitude {
+        MspTelemetry::Attitude(Attitude {
             roll_ddeg,
             pitch_ddeg,
             yaw_deg,
         })
     });
     let altitude = (any::<i32>(), any::<i16>()).prop_map(|(altitude_cm, climb_cmps)| {
-        Told::Altitude(Altitude {
+        MspTelemetry::Altitude(Altitude {
             altitude_cm,
             climb_cmps,
         })
     });
-    let motors =
-        any::<[u16; 8]>().prop_map(|outputs_us| Told::Motor(muster_msp::Motor { outputs_us }));
+    let motors = any::<[u16; 8]>()
+        .prop_map(|outputs_us| MspTelemetry::Motor(muster_msp::Motor { outputs_us }));
     let battery = (any::<u8>(), any::<u16>(), any::<i16>()).prop_map(|(cells, cv, current_ca)| {
-        Told::Battery(BatteryState {
+        MspTelemetry::Battery(BatteryState {
             cells,
             current_ca,
             voltage_cv: Some(cv),
             ..BatteryState::default()
         })
     });
-    let told =
-        prop_oneof![flags, gps, attitude, altitude, motors, battery].prop_map(PortEvent::Told);
+    let telemetry =
+        prop_oneof![flags, gps, attitude, altitude, motors, battery].prop_map(PortEvent::Telemetry);
     let pose = (any_place(), 0_u64..1_000).prop_map(|(position, age_ms)| {
         PortEvent::Pose(Pose {
             position,
@@ -101,7 +101,8 @@ fn any_told() -> impl Strategy<Value = PortEvent> {
             age: Duration::from_millis(age_ms),
         })
     });
-    let counted = (0_u32..=100).prop_map(|count| PortEvent::Told(Told::Acknowledged(count)));
+    let counted =
+        (0_u32..=100).prop_map(|count| PortEvent::Telemetry(MspTelemetry::Acknowledged(count)));
     prop_oneof![
         1 => identity,
         1 => Just(PortEvent::Closed),
@@ -109,11 +110,11 @@ fn any_told() -> impl Strategy<Value = PortEvent> {
         1 => Just(status(ARM)),
         4 => Just(status(ARM | OVERRIDE)),
         4 => Just(fix()),
-        4 => Just(PortEvent::Told(Told::Altitude(Altitude::default()))),
+        4 => Just(PortEvent::Telemetry(MspTelemetry::Altitude(Altitude::default()))),
         2 => pose,
         1 => counted,
-        1 => Just(PortEvent::Told(Told::Late)),
-        6 => told,
+        1 => Just(PortEvent::Telemetry(MspTelemetry::Late)),
+        6 => telemetry,
     ]
 }
 
@@ -151,7 +152,7 @@ fn any_input() -> impl Strategy<Value = Input> {
         Just(FlightCommand::Land),
     ];
     prop_oneof![
-        8 => any_told().prop_map(Input::Port),
+        8 => any_telemetry().prop_map(Input::Port),
         4 => command.prop_map(Input::FlightCommand),
         1 => Just(Input::GiveUp),
     ]

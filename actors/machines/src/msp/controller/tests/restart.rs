@@ -12,7 +12,7 @@ fn restarted_link_flies_on_and_arms_nothing_that_is_disarmed() {
     assert_eq!(armed.rc, None, "it asks first whether it is armed");
     armed.give(Input::Port(status(ARM)));
     assert!(armed.is_arm_high() && armed.throttle() > 1_200, "level");
-    let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+    let altitude = PortEvent::Telemetry(MspTelemetry::Altitude(Altitude::default()));
     armed.give(Input::Port(altitude));
     armed.pass(200, ARM);
     assert_eq!(armed.link.loops.target(), Some(Ned::HOME.at_altitude(10.0)));
@@ -99,11 +99,11 @@ fn height_is_held_without_a_position() {
     let mut restarted = Bench::new(config(), bench.checkpoint);
     restarted.give(Input::Port(identity(*b"SITL")));
     restarted.give(Input::Port(status(ARM)));
-    let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+    let altitude = PortEvent::Telemetry(MspTelemetry::Altitude(Altitude::default()));
     restarted.give(Input::Port(altitude));
     restarted.give(Input::Port(status(ARM)));
-    let told = restarted.telemetry.last().unwrap();
-    assert!(told.armed && told.position_lost_for.is_some());
+    let latest = restarted.telemetry.last().unwrap();
+    assert!(latest.armed && latest.position_lost_for.is_some());
     let sticks = restarted.rc.unwrap().sticks();
     assert_eq!(
         (sticks.roll, sticks.pitch),
@@ -149,7 +149,9 @@ fn port_that_was_closed_for_a_moment_in_flight_changes_no_height_and_loses_no_or
         altitude_cm: 30,
         ..Altitude::default()
     };
-    bench.give(Input::Port(PortEvent::Told(Told::Altitude(high))));
+    bench.give(Input::Port(PortEvent::Telemetry(MspTelemetry::Altitude(
+        high,
+    ))));
     bench.give(Input::Port(PortEvent::Closed));
     bench.give(Input::FlightCommand(FlightCommand::Land));
     bench.wait(300);
@@ -177,18 +179,20 @@ fn an_aircraft_that_was_high_and_is_found_on_the_ground_gets_no_rc_until_it_has_
             let mut found = Bench::new(staged(Stage::Sim, receiver), Some(checkpoint));
             found.give(Input::Port(identity(*b"SITL")));
             found.give(Input::Port(status(modes)));
-            found.give(Input::Port(PortEvent::Told(Told::Altitude(Altitude {
-                altitude_cm,
-                ..Altitude::default()
-            }))));
+            found.give(Input::Port(PortEvent::Telemetry(MspTelemetry::Altitude(
+                Altitude {
+                    altitude_cm,
+                    ..Altitude::default()
+                },
+            ))));
             found.give(Input::Port(status(modes)));
             found
         };
         assert!(found_at(500).rc.is_some(), "{receiver:?}: it flies on");
         let mut down = found_at(0);
         assert_eq!(down.rc, None, "{receiver:?}");
-        let told = *down.telemetry.last().unwrap();
-        assert!(told.armed && told.landing, "{receiver:?}: {told:?}");
+        let latest = *down.telemetry.last().unwrap();
+        assert!(latest.armed && latest.landing, "{receiver:?}: {latest:?}");
         let mut again = Bench::new(staged(Stage::Sim, receiver), down.checkpoint);
         again.give(Input::Port(identity(*b"SITL")));
         again.give(Input::Port(status(modes)));

@@ -68,11 +68,11 @@ fn a_tether_stops_a_mission_at_its_edge_also_after_a_restart() {
     restarted.give(Input::Port(granted(*b"S405", Stage::Tethered)));
     restarted.give(Input::Port(status(ARM | OVERRIDE)));
     let mut moved = fix();
-    if let PortEvent::Told(Told::Gps(gps)) = &mut moved {
+    if let PortEvent::Telemetry(MspTelemetry::Gps(gps)) = &mut moved {
         gps.latitude_e7 += 270;
     }
     restarted.give(Input::Port(moved));
-    let altitude = PortEvent::Told(Told::Altitude(Altitude::default()));
+    let altitude = PortEvent::Telemetry(MspTelemetry::Altitude(Altitude::default()));
     restarted.give(Input::Port(altitude));
     restarted.give(Input::Port(status(ARM | OVERRIDE)));
     restarted.give(Input::FlightCommand(far));

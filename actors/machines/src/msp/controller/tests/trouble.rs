@@ -51,7 +51,7 @@ fn link_that_was_given_up_lands_and_takes_no_commands() {
 }
 
 fn rolled(deg: i16) -> Input {
-    Input::Port(PortEvent::Told(Told::Attitude(Attitude {
+    Input::Port(PortEvent::Telemetry(MspTelemetry::Attitude(Attitude {
         roll_ddeg: deg * 10,
         pitch_ddeg: 0,
         yaw_deg: 0,

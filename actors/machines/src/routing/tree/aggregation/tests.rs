@@ -47,10 +47,10 @@ impl Relay {
     fn order(&mut self, sequence: u32) {
         self.near.links.start_order();
         order_of(&mut self.shared, sequence);
-        self.parent_says(sequence, &[]);
+        self.receive_from_parent(sequence, &[]);
     }
 
-    fn parent_says(&mut self, sequence: u32, acknowledged: &[u32]) {
+    fn receive_from_parent(&mut self, sequence: u32, acknowledged: &[u32]) {
         self.near.receive(
             0,
             Tree {
@@ -96,7 +96,7 @@ fn acknowledgements_are_forwarded_once_the_subtree_is_complete() {
         done(&mut relay, order[2]);
         assert_eq!(relay.forward(), Forward::Now, "{order:?}");
         assert_eq!(relay.near.links.subtree(1).acknowledged, ids([2, 3, 4]));
-        relay.parent_says(1, &[1, 2, 3, 4]);
+        relay.receive_from_parent(1, &[1, 2, 3, 4]);
         assert_eq!(
             relay.forward(),
             Forward::No,
@@ -177,7 +177,7 @@ fn acknowledgements_after_a_hold_are_merged() {
 #[test]
 fn only_pending_acknowledgements_are_forwarded() {
     let mut relay = Relay::new();
-    relay.parent_says(1, &[1]);
+    relay.receive_from_parent(1, &[1]);
     carry_out(&mut relay.shared, 1);
     assert_eq!(
         relay.forward(),

@@ -39,7 +39,7 @@ pub(crate) fn version(major: u8, minor: u8, patch: u8) -> FcVersion {
     }
 }
 
-/// A safe craft that MSP alone flies.
+/// A safe configuration that MSP alone flies.
 pub(crate) fn sole() -> Configuration {
     let mut identity = Identity::default();
     identity.variant.variant = Letters(*b"BTFL");
@@ -114,23 +114,23 @@ pub(crate) fn sole() -> Configuration {
     }
 }
 
-/// A safe craft with a pilot's receiver.
+/// A safe configuration with a pilot's receiver.
 pub(crate) fn overridden() -> Configuration {
-    let mut craft = sole();
-    craft.features.features = FeatureConfig::RX_SERIAL;
-    craft.identity.version = version(26, 6, 0);
-    craft.identity.boxes.modes = vec![Mode::Arm, Mode::Angle, Mode::MspOverride];
-    craft.ranges.ranges[1] = range(Mode::Angle, 1, 900, 2100);
-    craft
+    let mut configuration = sole();
+    configuration.features.features = FeatureConfig::RX_SERIAL;
+    configuration.identity.version = version(26, 6, 0);
+    configuration.identity.boxes.modes = vec![Mode::Arm, Mode::Angle, Mode::MspOverride];
+    configuration.ranges.ranges[1] = range(Mode::Angle, 1, 900, 2100);
+    configuration
         .ranges
         .ranges
         .push(range(Mode::MspOverride, 2, 1700, 2100));
-    craft.command_line = Some(CommandLineSettings {
+    configuration.command_line = Some(CommandLineSettings {
         over_ride: Some(OverrideSettings {
             mask: 15,
             failsafe: false,
         }),
         angle_feedforward: Some(0),
     });
-    craft
+    configuration
 }
