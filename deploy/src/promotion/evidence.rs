@@ -42,10 +42,12 @@ pub(super) enum Weakness {
     #[error("the flight controller was not fit for a pilot's receiver")]
     Unfit,
     /// Another flight controller.
-    #[error("this is of the flight controller with the chip {found}; the one here has {expected}")]
+    #[error(
+        "the evidence is of the flight controller with the chip {found}; the one here has {expected}"
+    )]
     OtherController { found: String, expected: String },
     /// Another drone.
-    #[error("this is of drone {0}")]
+    #[error("the evidence is of drone {0}")]
     OtherDrone(u32),
     /// The drone has not flown from take-off to landing in the stage `tethered`.
     #[error("there is no flight from take-off to landing in the stage \"tethered\"")]

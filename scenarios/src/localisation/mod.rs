@@ -31,7 +31,7 @@ pub enum Start {
     Anywhere,
     /// Anywhere between two corners.
     Within(MapXy, MapXy),
-    /// About a pose.
+    /// Near a given pose: deviations of 0.3 m along each axis and 0.15 rad.
     At(MapPose),
 }
 

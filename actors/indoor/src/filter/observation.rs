@@ -83,7 +83,7 @@ impl Observation {
         self.ends.len() + self.cones.len()
     }
 
-    /// How much the logarithm of likelihood counts, so that all rays together are worth `config.observations`.
+    /// Factor of the logarithm of the likelihood with which all readings together count as `config.observations` independent ones.
     pub(super) fn temper_max(&self, config: &Config) -> f32 {
         (config.observations / self.len().max(1) as f64).min(1.0) as f32
     }
