@@ -40,7 +40,8 @@ pub enum WriteReport {
 pub struct Writer {
     /// Number of the last queued checkpoint.
     queued: u64,
-    queue: Option<SyncSender<Entry>>,
+    /// Boxed, for the queue reserves all its places at once.
+    queue: Option<SyncSender<Box<Entry>>>,
     thread: Option<JoinHandle<()>>,
 }
 
@@ -81,11 +82,11 @@ impl Writer {
     /// If [`WAITING_MAX`] wait already. The checkpoint is dropped; what waits is still written.
     pub fn keep(&mut self, checkpoint: Checkpoint, must_sync: bool) -> Result<u64, QueueFull> {
         let number = self.queued + 1;
-        let entry = Entry {
+        let entry = Box::new(Entry {
             number,
             checkpoint,
             must_sync,
-        };
+        });
         // The thread ends only when the queue is closed, so that it can only be full.
         if let Some(queue) = &self.queue
             && queue.try_send(entry).is_err()
@@ -110,7 +111,7 @@ impl Drop for Writer {
 fn write_all<S: Storage>(
     mut journal: Journal<S>,
     mut all: Checkpoints,
-    entries: &Receiver<Entry>,
+    entries: &Receiver<Box<Entry>>,
     mut report: impl FnMut(WriteReport),
 ) {
     // What was written before a failure may be lost: only a journal that is replaced as a whole makes up for it.
@@ -158,7 +159,7 @@ fn write_all<S: Storage>(
 /// Appends checkpoints, and syncs them if one of them must be durable. Returns whether they are durable.
 fn append<S: Storage>(
     journal: &mut Journal<S>,
-    batch: &[Entry],
+    batch: &[Box<Entry>],
     all: &Checkpoints,
 ) -> io::Result<bool> {
     for entry in batch {

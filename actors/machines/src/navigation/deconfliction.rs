@@ -117,6 +117,22 @@ impl Deconfliction {
         self.announce(now, Some(path), has_priority, outbox);
     }
 
+    /// Announces the progress of the straight path to `corner`, or after a restart the rest of it; `place` is where the
+    /// drone is.
+    pub(super) fn announce_flight(
+        &mut self,
+        now: Timestamp,
+        place: Ned,
+        corner: Ned,
+        outbox: &mut Outbox<Transmit, Event>,
+    ) {
+        if self.is_announced_to(corner) {
+            self.announce_progress(now, place, outbox);
+        } else {
+            self.announce(now, Some(Path::new(place, corner)), false, outbox);
+        }
+    }
+
     /// Announces a landing from `stop` that can't be interrupted, or the progress of it, `place` being where the drone is.
     pub(super) fn announce_descent(
         &mut self,
@@ -197,10 +213,14 @@ impl Deconfliction {
         id: NodeId,
         intent: Option<Intent>,
     ) -> bool {
-        let traffic = self.traffic.as_mut();
-        let is_changed = traffic.is_some_and(|it| it.update(now, id, intent));
+        let Some(traffic) = &mut self.traffic else {
+            return false;
+        };
+        let is_changed = traffic.update(now, id, intent);
+        let here = self.announced.map(|it| it.path.to);
+        let is_below = here.is_some_and(|here| traffic.is_above(id, here)) && self.is_standing();
         // A drone that was forgotten blocks the path again even with an unchanged intent.
-        self.is_blocked(now) || is_changed && self.next_retry.is_some()
+        self.is_blocked(now) || is_changed && (is_below || self.next_retry.is_some())
     }
 
     /// Updates which drones may not hear this one; returns whether telemetry is needed to check the own path.
@@ -259,6 +279,22 @@ impl Deconfliction {
         self.must_give_way(now, rest, whole)
     }
 
+    /// Where to make room for a drone that may come down on this one, which stands here. Below others it looks again after
+    /// a while, for one that falls silent sends nothing to react to.
+    pub(super) fn room_beside(&mut self, now: Timestamp, here: Ned) -> Option<Ned> {
+        let traffic = self.traffic.as_ref().filter(|_| self.is_standing())?;
+        if traffic.is_any_above(here) {
+            self.next_progress.get_or_insert(now + PROGRESS_INTERVAL);
+        }
+        traffic.room_beside(now, here)
+    }
+
+    /// Whether it announced that it stands still.
+    fn is_standing(&self) -> bool {
+        self.announced
+            .is_some_and(|it| !it.has_priority && it.path.from.distance_m(it.path.to) < SAME_M)
+    }
+
     /// Two corners of a detour around traffic that blocks the path for too long, if there is one.
     pub(super) fn detour(&self, now: Timestamp, path: Path) -> Option<[Ned; 2]> {
         let traffic = self.traffic.as_ref()?;
@@ -305,6 +341,11 @@ impl Deconfliction {
     fn is_announced_to(&self, place: Ned) -> bool {
         self.announced
             .is_some_and(|announced| announced.path.to.distance_m(place) < SAME_M)
+    }
+
+    /// Whether it has waited long enough for a detour.
+    pub(super) fn has_waited_for_detour(&self, now: Timestamp) -> bool {
+        self.has_waited(now, DETOUR_AFTER)
     }
 
     fn has_waited(&self, now: Timestamp, time: Duration) -> bool {

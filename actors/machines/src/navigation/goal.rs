@@ -70,6 +70,14 @@ impl Goal {
         }
     }
 
+    /// Whether the drone may leave its path for another drone.
+    pub(super) const fn may_make_room(self) -> bool {
+        match self {
+            Self::TakeOff { .. } | Self::FlyTo { .. } | Self::TransitTo { .. } | Self::Hold => true,
+            Self::Track { .. } | Self::Yield | Self::Land => false,
+        }
+    }
+
     /// Corners of the path from `start`; empty for goals without legs.
     pub(super) fn corners(self, start: Ned) -> VecDeque<Ned> {
         let corners = match self {

@@ -47,6 +47,8 @@ pub enum Transmit {
         /// Whether to send it immediately in a frame of its own.
         immediately: bool,
     },
+    /// To the radio after a restart: repeat the intents of others.
+    Resync,
 }
 
 /// Notice to the mission.

@@ -70,6 +70,9 @@ impl Navigation {
                 navigation.durable = checkpoint;
                 navigation.reset_deconfliction(Timestamp::ZERO);
                 navigation.inform(Notice::Resync);
+                if !navigation.deconfliction.ignores_traffic() {
+                    navigation.outbox.transmit(Transmit::Resync);
+                }
                 navigation.command(FlightCommand::Report);
             }
             // A restart before the first input must ask for the goal, so it needs a checkpoint.
@@ -242,6 +245,9 @@ impl Navigation {
                 return self.report_not_flying(now, telemetry);
             }
         }
+        if telemetry.at_rest && goal.may_make_room() {
+            self.make_room(now, telemetry.stop);
+        }
         match self.durable.progress.clone() {
             Progress::Done => {}
             Progress::Planning => self.plan_legs(now, goal, telemetry),
@@ -304,7 +310,8 @@ impl Navigation {
         is_urgent || self.deconfliction.may_descend(now, column)
     }
 
-    /// Holds above the traffic below, or flies to a clear landing place beside it; without a position it flies nowhere.
+    /// Holds above the traffic below, or flies to a clear landing place beside it; without a position it flies nowhere. If
+    /// there is no such place it announces the descent, so that those below make room.
     fn wait_to_descend(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) {
         let may_fly = !self.health.is_position_lost();
         let deconfliction = &mut self.deconfliction;
@@ -320,6 +327,10 @@ impl Navigation {
                 self.command(FlightCommand::Fly(leg));
             }
             None if is_on_detour => _ = deconfliction.wait(now),
+            None if telemetry.at_rest && deconfliction.has_waited_for_detour(now) => {
+                deconfliction.wait(now);
+                self.announce_descent(now, telemetry);
+            }
             None => self.wait_for_traffic(now, None, telemetry),
         }
     }
@@ -375,8 +386,24 @@ impl Navigation {
         } else if deconfliction.must_stop(now, telemetry.stop, corner) {
             self.wait_for_traffic(now, Some(corner), telemetry);
         } else {
-            self.announce_progress(now, telemetry);
+            let place = telemetry.position;
+            (self.deconfliction).announce_flight(now, place, corner, &mut self.outbox);
         }
+    }
+
+    /// Plans a leg aside and back, if another drone may come down here.
+    fn make_room(&mut self, now: Timestamp, here: Ned) {
+        let Some(side) = self.deconfliction.room_beside(now, here) else {
+            return;
+        };
+        let mut corners = match &self.durable.progress {
+            Progress::Planning => return,
+            Progress::Flying(corners) => corners.clone(),
+            Progress::Done => VecDeque::new(),
+        };
+        corners.push_front(here);
+        corners.push_front(side);
+        self.set_progress(Progress::Flying(corners));
     }
 
     /// Plans a detour around traffic that blocks the path for too long; returns its first corner.

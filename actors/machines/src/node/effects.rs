@@ -194,6 +194,7 @@ impl From<navigation::Transmit> for Effect {
                 intent,
                 immediately,
             }),
+            navigation::Transmit::Resync => Envelope::Radio(radio::Input::ResendTraffic),
         })
     }
 }

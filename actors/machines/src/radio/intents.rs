@@ -38,6 +38,11 @@ impl Intents {
         self.own.filter(|_| has_room_for_intent(payload))
     }
 
+    /// Last intents of other drones, however old.
+    pub(super) fn of_others(&self) -> impl Iterator<Item = (NodeId, Intent)> {
+        self.others.iter().map(|(id, (intent, _))| (*id, *intent))
+    }
+
     /// Updates the intent of another drone. Returns whether to pass it on: it changed, or was not passed on for a while.
     #[inline]
     pub(super) fn update(

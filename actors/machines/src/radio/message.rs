@@ -40,6 +40,8 @@ pub enum Input {
         /// Whether to send a frame of its own immediately.
         immediately: bool,
     },
+    /// From the navigation after a restart: repeat the intents of others.
+    ResendTraffic,
     /// From the transport: a received datagram.
     Received {
         /// The bytes.

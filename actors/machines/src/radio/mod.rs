@@ -446,6 +446,12 @@ impl<A: Authenticator> Machine for Radio<A> {
                     self.broadcast(&RadioPacket::Intent);
                 }
             }
+            Input::ResendTraffic => {
+                for (sender, intent) in self.intents.of_others() {
+                    let intent = Some(intent);
+                    self.outbox.transmit(Transmit::Traffic { sender, intent });
+                }
+            }
             Input::Delivery {
                 to,
                 frame,

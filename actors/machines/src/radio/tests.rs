@@ -410,26 +410,39 @@ fn intent_is_sent_immediately_and_in_every_frame() {
     assert_eq!(silently, [], "the next frame holds it");
     let later = sent_by(&mut sender, b"later");
     let gone = frames(handle(&mut sender, 0, intend(None, true)).0);
-    let mut traffic = |now_ms: u64, frame: &Bytes| {
-        let (transmits, _) = handle(&mut receiver, now_ms, received(frame, None));
+    let traffic = |receiver: &mut _, now_ms: u64, frame: &Bytes| {
+        let (transmits, _) = handle(receiver, now_ms, received(frame, None));
         transmits.into_iter().find_map(|it| match it {
             Transmit::Traffic { sender, intent } => Some((sender, intent)),
             _ => None,
         })
     };
-    assert_eq!(traffic(0, &before), None);
+    assert_eq!(traffic(&mut receiver, 0, &before), None);
     assert_eq!(
-        traffic(200, &immediately[0]),
+        traffic(&mut receiver, 200, &immediately[0]),
         Some((NodeId(0), Some(intent(600))))
     );
-    assert_eq!(traffic(400, &after), None, "unchanged");
+    assert_eq!(traffic(&mut receiver, 400, &after), None, "unchanged");
     assert_eq!(
-        traffic(600, &too_long),
+        traffic(&mut receiver, 600, &too_long),
         None,
         "a frame without room changes no intent"
     );
-    assert_eq!(traffic(700, &later), Some((NodeId(0), Some(farther))));
-    assert_eq!(traffic(800, &gone[0]), Some((NodeId(0), None)));
+    assert_eq!(
+        traffic(&mut receiver, 700, &later),
+        Some((NodeId(0), Some(farther)))
+    );
+    let again = Transmit::Traffic {
+        sender: NodeId(0),
+        intent: Some(farther),
+    };
+    let asked = handle(&mut receiver, 750, Input::ResendTraffic).0;
+    assert_eq!(asked, [again], "for a restarted navigation");
+    assert_eq!(
+        traffic(&mut receiver, 800, &gone[0]),
+        Some((NodeId(0), None))
+    );
+    assert_eq!(handle(&mut receiver, 850, Input::ResendTraffic).0, []);
 }
 
 #[test]

@@ -3,7 +3,7 @@ use crate::geometry::Ned;
 use crate::wire::Intent;
 
 /// Altitude below which a path ends on the ground, in metres.
-const GROUND_ALTITUDE_M: f64 = 1.0;
+pub(super) const GROUND_ALTITUDE_M: f64 = 1.0;
 /// Largest horizontal length of a vertical path, in metres.
 pub(super) const VERTICAL_M: f64 = 1.0;
 

@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use nalgebra::{Rotation2, Vector2};
 
-use self::intent::{ROUNDING_M, VERTICAL_M};
+use self::intent::{GROUND_ALTITUDE_M, ROUNDING_M, VERTICAL_M};
 use self::occupied::{OccupiedSpace, Precedence};
 use crate::formation::{Path, Separation};
 use crate::geometry::Ned;
@@ -169,6 +169,44 @@ impl Traffic {
             self.is_clear(now, across)
                 && (self.occupied(now, column.from)).all(|(_, it)| !self.is_near(&it, down))
         })
+    }
+
+    /// A place beside this one, if another drone may come down here, and the path there and the place are clear. On the
+    /// ground there is none.
+    pub(crate) fn room_beside(&self, now: Timestamp, here: Ned) -> Option<Ned> {
+        let is_below_another = self.occupied(now, here).any(|(id, space)| {
+            self.comes_down(id, &space) && self.is_near(&space, Path::stationary(here))
+        });
+        if !is_below_another || here.altitude_m() < GROUND_ALTITUDE_M {
+            return None;
+        }
+        self.detour_points(here, Vector2::x()).find(|side| {
+            let is_free = |space: &OccupiedSpace| !self.is_near(space, Path::stationary(*side));
+            self.is_clear(now, Path::new(here, *side))
+                && self.occupied(now, here).all(|(_, it)| is_free(&it))
+        })
+    }
+
+    /// Whether a drone lands, or is silent and its aircraft may.
+    fn comes_down(&self, id: NodeId, space: &OccupiedSpace) -> bool {
+        let lands = space.precedence == Precedence::Priority && self.others[&id].0.lands();
+        lands || space.may_descend && !self.deaf.contains(id)
+    }
+
+    /// Whether drone `id` would come down here if it fell silent now.
+    pub(crate) fn is_above(&self, id: NodeId, here: Ned) -> bool {
+        self.others.get(&id).is_some_and(|(intent, _)| {
+            let space = OccupiedSpace {
+                may_descend: true,
+                ..OccupiedSpace::of(*intent)
+            };
+            self.is_near(&space, Path::stationary(here))
+        })
+    }
+
+    /// Whether any drone would come down here if it fell silent now.
+    pub(crate) fn is_any_above(&self, here: Ned) -> bool {
+        self.others.keys().any(|id| self.is_above(*id, here))
     }
 
     /// Candidate points for a detour, nearest and ahead first.

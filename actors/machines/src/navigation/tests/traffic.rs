@@ -1,5 +1,7 @@
 //! Deconfliction with other drones.
 
+mod room;
+
 use super::*;
 use crate::formation::Separation;
 use crate::navigation::deconfliction::{
@@ -9,6 +11,11 @@ use crate::traffic::{self, Intent};
 
 /// Drone 4, with deconfliction.
 fn avoiding() -> Navigation {
+    avoiding_since(None)
+}
+
+/// Drone 4, with deconfliction and what a navigation before it kept.
+fn avoiding_since(checkpoint: Option<Checkpoint>) -> Navigation {
     let separation = Separation {
         horizontal_m: 5.0,
         vertical_m: 5.0,
@@ -27,7 +34,7 @@ fn avoiding() -> Navigation {
         avoid: Some(avoid),
         ..CONFIG
     };
-    Navigation::new(NodeId(4), config, None)
+    Navigation::new(NodeId(4), config, checkpoint)
 }
 
 fn announces_path(from: Ned, to: Ned) -> Transmit {
@@ -304,6 +311,41 @@ fn drone_under_manual_control_withdraws_its_intent() {
     assert!(output.contains(&withdrawn), "{output:?}");
 }
 
+#[test]
+fn restarted_navigation_announces_the_leg_in_flight_and_stops_for_right_of_way() {
+    let place = |north_m: f64| Ned::new(north_m, 0.0, -25.0);
+    let (here, stop, to) = (place(40.0), place(48.0), place(100.0));
+    let on_its_way = Telemetry {
+        armed: true,
+        at_rest: false,
+        position: here,
+        stop,
+        target: Some(to),
+        ..ON_THE_GROUND
+    };
+    let mut navigation = avoiding_since(Some(Checkpoint {
+        goal: Some(fly_to(to)),
+        progress: Progress::Flying([to].into()),
+    }));
+    let start = [
+        Transmit::Inform(Notice::Resync),
+        Transmit::Resync,
+        REPORT,
+        announces_path(here, to),
+    ];
+    let output = handle(&mut navigation, Input::Telemetry(on_its_way));
+    assert_eq!(output, start);
+    assert_eq!(
+        traffic(&mut navigation, 7, place(80.0), place(80.0)),
+        [REPORT]
+    );
+    let output = handle(&mut navigation, Input::Telemetry(on_its_way));
+    assert_eq!(
+        output[1],
+        Transmit::FlightCommand(FlightCommand::Fly(CONFIG.hold(25.0)))
+    );
+}
+
 fn handle_at(navigation: &mut Navigation, now: Timestamp, input: Input) -> Vec<Transmit> {
     step_at(navigation, now, Stimulus::Input(input))
 }
@@ -410,7 +452,13 @@ fn drone_without_position_waits_to_land_and_flies_nowhere() {
     assert!(!lands(&handle(&mut navigation, lost())));
     let detour_at = Timestamp::ZERO + DETOUR_AFTER;
     still_below(&mut navigation, detour_at);
-    assert_eq!(handle_at(&mut navigation, detour_at, lost()), []);
+    let descent = Path::new(LANDING, LANDING.at_altitude(0.0));
+    let announced = announces(Intent::of(descent, 0.0, true), true);
+    assert_eq!(
+        handle_at(&mut navigation, detour_at, lost()),
+        [announced],
+        "those below may make room"
+    );
     let latest = Timestamp::ZERO + LANDING_WAIT_MAX;
     still_below(&mut navigation, latest);
     assert!(lands(&handle_at(&mut navigation, latest, lost())));
