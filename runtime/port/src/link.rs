@@ -1,6 +1,6 @@
 //! A port for flying: one thread opens and reads, one writes on time.
 
-mod arming;
+mod armed_status;
 mod events;
 mod inbox;
 mod rc_counts;

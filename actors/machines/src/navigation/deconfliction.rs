@@ -1,8 +1,9 @@
 //! Deconfliction: announces the own intent, and decides when to wait for others.
 
+use std::sync::Arc;
 use std::time::Duration;
 
-use super::{Event, Transmit};
+use super::{Event, Fence, Transmit};
 use crate::formation::Path;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
@@ -37,6 +38,8 @@ struct Announcement {
 pub(super) struct Deconfliction {
     /// `None` if traffic is ignored.
     traffic: Option<Traffic>,
+    /// Fence that no detour leaves, and the distance kept from it in metres.
+    fence: Option<(Arc<Fence>, f64)>,
     announced: Option<Announcement>,
     /// Start of the wait for a clear path.
     waiting_since: Option<Timestamp>,
@@ -48,8 +51,13 @@ pub(super) struct Deconfliction {
 
 impl Deconfliction {
     /// Of drone `id`, which ignores traffic without a configuration.
-    pub(super) fn new(id: NodeId, config: Option<Config>) -> Self {
+    pub(super) fn new(
+        id: NodeId,
+        config: Option<Config>,
+        fence: Option<(Arc<Fence>, f64)>,
+    ) -> Self {
         Self {
+            fence,
             traffic: config.map(|it| Traffic::new(id, it)),
             announced: None,
             waiting_since: None,
@@ -286,7 +294,7 @@ impl Deconfliction {
         if traffic.is_any_above(here) {
             self.next_progress.get_or_insert(now + PROGRESS_INTERVAL);
         }
-        traffic.room_beside(now, here)
+        traffic.room_beside(now, here, |side| self.keeps_inside(here, side))
     }
 
     /// Whether it announced that it stands still.
@@ -299,7 +307,7 @@ impl Deconfliction {
     pub(super) fn detour(&self, now: Timestamp, path: Path) -> Option<[Ned; 2]> {
         let traffic = self.traffic.as_ref()?;
         self.has_waited(now, DETOUR_AFTER)
-            .then(|| traffic.detour(now, path))?
+            .then(|| traffic.detour(now, path, |corner| self.keeps_inside(path.from, corner)))?
     }
 
     /// Starts or continues the wait for a clear path; returns whether it continues.
@@ -327,8 +335,9 @@ impl Deconfliction {
     /// Landing place beside traffic that stays below.
     pub(super) fn landing_detour(&self, now: Timestamp, column: Path) -> Option<Ned> {
         let traffic = self.traffic.as_ref()?;
-        self.has_waited(now, DETOUR_AFTER)
-            .then(|| traffic.landing_detour(now, column))?
+        self.has_waited(now, DETOUR_AFTER).then(|| {
+            traffic.landing_detour(now, column, |side| self.keeps_inside(column.from, side))
+        })?
     }
 
     /// Whether it waits and flies to an announced place.
@@ -341,6 +350,12 @@ impl Deconfliction {
     fn is_announced_to(&self, place: Ned) -> bool {
         self.announced
             .is_some_and(|announced| announced.path.to.distance_m(place) < SAME_M)
+    }
+
+    /// Whether a straight path stays inside the fence.
+    fn keeps_inside(&self, from: Ned, to: Ned) -> bool {
+        (self.fence.as_ref())
+            .is_none_or(|(fence, margin_m)| fence.stopping_clearance_m(from, to) > *margin_m)
     }
 
     /// Whether it has waited long enough for a detour.

@@ -54,8 +54,10 @@ impl Navigation {
     /// Navigation of drone `id`, restored from `checkpoint` if there is one.
     #[must_use]
     pub fn new(id: NodeId, config: Config, checkpoint: Option<Checkpoint>) -> Self {
+        let fence =
+            (config.failsafe.fence.clone()).map(|fence| (fence, Fence::margin_m(config.speed_mps)));
         let mut navigation = Self {
-            deconfliction: Deconfliction::new(id, config.avoid),
+            deconfliction: Deconfliction::new(id, config.avoid, fence),
             config,
             durable: Checkpoint::default(),
             position_requested: false,

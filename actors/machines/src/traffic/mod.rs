@@ -155,8 +155,17 @@ impl Traffic {
     }
 
     /// A place beside a landing column, at the same altitude, if the path to it and the column below it are clear.
-    pub(crate) fn landing_detour(&self, now: Timestamp, column: Path) -> Option<Ned> {
-        self.detour_points(column.from, Vector2::x()).find(|side| {
+    pub(crate) fn landing_detour(
+        &self,
+        now: Timestamp,
+        column: Path,
+        may_fly_to: impl Fn(Ned) -> bool,
+    ) -> Option<Ned> {
+        let mut sides = self.detour_points(column.from, Vector2::x());
+        sides.find(|side| {
+            if !may_fly_to(*side) {
+                return false;
+            }
             let across = Path {
                 from: column.from,
                 to: *side,
@@ -173,7 +182,12 @@ impl Traffic {
 
     /// A place beside this one, if another drone may come down here, and the path there and the place are clear. On the
     /// ground there is none.
-    pub(crate) fn room_beside(&self, now: Timestamp, here: Ned) -> Option<Ned> {
+    pub(crate) fn room_beside(
+        &self,
+        now: Timestamp,
+        here: Ned,
+        may_fly_to: impl Fn(Ned) -> bool,
+    ) -> Option<Ned> {
         let is_below_another = self.occupied(now, here).any(|(id, space)| {
             self.comes_down(id, &space) && self.is_near(&space, Path::stationary(here))
         });
@@ -182,7 +196,8 @@ impl Traffic {
         }
         self.detour_points(here, Vector2::x()).find(|side| {
             let is_free = |space: &OccupiedSpace| !self.is_near(space, Path::stationary(*side));
-            self.is_clear(now, Path::new(here, *side))
+            may_fly_to(*side)
+                && self.is_clear(now, Path::new(here, *side))
                 && self.occupied(now, here).all(|(_, it)| is_free(&it))
         })
     }
@@ -222,7 +237,12 @@ impl Traffic {
 
     /// Two corners of a detour, if all blocking drones are stationary and a clear detour exists: aside at the start
     /// altitude, then vertically to the end altitude, then straight on.
-    pub(crate) fn detour(&self, now: Timestamp, path: Path) -> Option<[Ned; 2]> {
+    pub(crate) fn detour(
+        &self,
+        now: Timestamp,
+        path: Path,
+        may_fly_to: impl Fn(Ned) -> bool,
+    ) -> Option<[Ned; 2]> {
         let mut blocking = self.blocking(now, path, path);
         if blocking.any(|(_, other)| other.precedence != Precedence::Stationary) {
             return None;
@@ -234,7 +254,7 @@ impl Traffic {
         detours.find(|[side, level]| {
             let legs = [(path.from, *side), (*side, *level), (*level, path.to)];
             let mut legs = legs.into_iter().map(|(from, to)| Path { from, to });
-            legs.all(|leg| self.is_clear(now, leg))
+            may_fly_to(*side) && may_fly_to(*level) && legs.all(|leg| self.is_clear(now, leg))
         })
     }
 

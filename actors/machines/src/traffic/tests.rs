@@ -5,6 +5,9 @@ const SEPARATION: Separation = Separation {
     vertical_m: 5.0,
 };
 
+/// Without a fence.
+const ANYWHERE: fn(Ned) -> bool = |_| true;
+
 /// A drone is silent after 3 s; an aircraft at 30 m is down 5 s + 10 s + 10 s after that.
 const CONFIG: Config = Config {
     separation: SEPARATION,
@@ -154,18 +157,23 @@ fn detour_around_a_stationary_drone_is_clear() {
     let (below, above) = (at(0.0, 0.0, 12.0), at(0.0, 0.0, 24.0));
     let amid = at(0.0, 0.0, 18.0);
     let known = traffic(&[(2, path(amid, amid))]);
-    let [side, level] = known.detour(seconds(1.0), path(below, above)).unwrap();
+    let [side, level] = known
+        .detour(seconds(1.0), path(below, above), ANYWHERE)
+        .unwrap();
     assert_eq!((side.altitude_m(), level.altitude_m()), (12.0, 24.0));
     assert!((side.horizontal_distance_m(below) - 11.0).abs() < 1e-9);
     let climbs = traffic(&[(2, path(amid, above))]);
     assert_eq!(
-        climbs.detour(seconds(1.0), path(below, above)),
+        climbs.detour(seconds(1.0), path(below, above), ANYWHERE),
         None,
         "it moves"
     );
     // A drone at the end of the path leaves no detour.
     let there = traffic(&[(2, path(above, above))]);
-    assert_eq!(there.detour(seconds(1.0), path(below, above)), None);
+    assert_eq!(
+        there.detour(seconds(1.0), path(below, above), ANYWHERE),
+        None
+    );
     // With another drone beside the leg: on the other side, or farther out.
     let leg = path(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
     let (ahead, landing_detour) = (at(60.0, 0.0, 12.0), at(10.0, 10.0, 12.0));
@@ -173,7 +181,7 @@ fn detour_around_a_stationary_drone_is_clear() {
         (2, path(ahead, ahead)),
         (3, path(landing_detour, landing_detour)),
     ]);
-    let [side, level] = known.detour(seconds(1.0), leg).unwrap();
+    let [side, level] = known.detour(seconds(1.0), leg, ANYWHERE).unwrap();
     assert_eq!(side, level);
     assert!(side.east_m() < -9.0, "{side:?}");
 }
@@ -324,6 +332,8 @@ fn space_below_a_silent_drone_is_blocked_until_it_is_down() {
     assert!(!known.is_clear(seconds(28.0), leg) && known.is_clear(seconds(28.1), leg));
     let column = path(at(60.0, 2.0, 30.0), at(60.0, 2.0, 0.0));
     assert!(!known.is_clear(seconds(900.0), column));
-    let side = known.landing_detour(seconds(900.0), column).unwrap();
+    let side = known
+        .landing_detour(seconds(900.0), column, ANYWHERE)
+        .unwrap();
     assert!(side.horizontal_distance_m(column.to) > 10.0);
 }

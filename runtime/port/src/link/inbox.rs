@@ -4,15 +4,16 @@ use std::io;
 use std::sync::Arc;
 use std::time::Duration;
 
+use muster_msp::check::Finding;
 use muster_msp::{
     Answer, BadAnswer, Conversation, Counts, Direction, Frame, Mode, Telemetry, Write,
 };
 
 use super::RC;
-use super::arming::Arming;
+use super::armed_status::ArmedStatus;
 use super::events::{Event, Events};
 use super::rc_counts::RcCounts;
-use crate::fitness::Look;
+use crate::fitness::{Found, Look};
 use crate::rate::Rate;
 use crate::session::Latency;
 use crate::status::{State, Status};
@@ -28,14 +29,33 @@ pub(super) struct Inbox {
     pub(super) conversation: Conversation,
     pub(super) events: Events,
     is_identified: bool,
-    arming: Arming,
-    latency: Latency,
+    arming: ArmedStatus,
+    answers: Answers,
     /// When the last frame was read.
     heard: Duration,
     frames: Rate,
     rc: RcCounts,
-    /// Fields that hold until they are set again, and counters. [`Self::status`] adds the others.
-    status: Status,
+    openings: Openings,
+    /// What was read since the port was opened last.
+    counts: Counts,
+    is_realtime: bool,
+}
+
+/// Answers since the port was opened last, and bad ones since the start.
+#[derive(Debug, Default)]
+struct Answers {
+    latency: Latency,
+    refused: u64,
+    malformed: u64,
+}
+
+/// Openings of the port, and what the last look at the controller found.
+#[derive(Debug, Default)]
+struct Openings {
+    opened: u64,
+    closed_by: Option<String>,
+    unfit: Vec<Finding>,
+    found: Option<Arc<Found>>,
 }
 
 impl Inbox {
@@ -51,24 +71,24 @@ impl Inbox {
         self.conversation = Conversation::new(now);
         self.wire = Some(wire);
         self.is_identified = false;
-        self.latency = Latency::default();
+        self.answers.latency = Latency::default();
         self.heard = now;
-        self.status.opened += 1;
+        self.openings.opened += 1;
         if let Some(Look { unfit, found }) = look {
             if !unfit.is_empty() {
                 self.events.push(Event::Unfit(unfit.clone()));
             }
-            self.status.unfit = unfit;
-            self.status.found = found.map(Arc::new);
+            self.openings.unfit = unfit;
+            self.openings.found = found.map(Arc::new);
         }
     }
 
     pub(super) fn close(&mut self, error: &io::Error) {
         let error = error.to_string();
-        let is_news = self.wire.is_some() || self.status.closed_by.as_ref() != Some(&error);
+        let is_news = self.wire.is_some() || self.openings.closed_by.as_ref() != Some(&error);
         self.wire = None;
         self.is_identified = false;
-        self.status.closed_by = Some(error.clone());
+        self.openings.closed_by = Some(error.clone());
         if is_news {
             self.events.push(Event::Closed(error));
         }
@@ -110,7 +130,7 @@ impl Inbox {
             return;
         };
         if let Some(delay) = delay {
-            self.latency.add(delay);
+            self.answers.latency.add(delay);
         }
         match content {
             Ok(Some(telemetry)) => {
@@ -118,8 +138,8 @@ impl Inbox {
                 self.events.push(Event::Telemetry(telemetry));
             }
             Ok(None) => {}
-            Err(BadAnswer::Refused) => self.status.refused += 1,
-            Err(BadAnswer::Malformed(_)) => self.status.malformed += 1,
+            Err(BadAnswer::Refused) => self.answers.refused += 1,
+            Err(BadAnswer::Malformed(_)) => self.answers.malformed += 1,
         }
         if !self.is_identified
             && let Some(identity) = self.conversation.identity().cloned()
@@ -129,7 +149,7 @@ impl Inbox {
         }
     }
 
-    /// Whether the controller was armed when it told so last. `None` if it never has.
+    /// Whether the controller was armed at its last status. `None` if there was none.
     pub(super) const fn is_armed(&self) -> Option<bool> {
         self.arming.is_armed()
     }
@@ -139,7 +159,7 @@ impl Inbox {
             (telemetry, self.conversation.identity())
         {
             let is_armed = identity.boxes.is_active(Mode::Arm, status.modes()) == Some(true);
-            self.arming.told(is_armed);
+            self.arming.update(is_armed);
         }
         if self.arming.must_look() {
             self.close(&io::Error::other("it landed: its settings are looked at"));
@@ -148,12 +168,12 @@ impl Inbox {
 
     /// Whether the system grants real-time priority.
     pub(super) const fn set_realtime(&mut self, is_realtime: bool) {
-        self.status.is_realtime = is_realtime;
+        self.is_realtime = is_realtime;
     }
 
     /// What was read since the port was opened last.
     pub(super) const fn set_counts(&mut self, counts: Counts) {
-        self.status.counts = counts;
+        self.counts = counts;
     }
 
     pub(super) fn status(&self, now: Duration) -> Status {
@@ -164,7 +184,7 @@ impl Inbox {
             (Some(_), true) => State::Open,
         };
         // The question that waits for its answer is not lost yet.
-        let asked = self.latency.answered + self.conversation.lost();
+        let asked = self.answers.latency.answered + self.conversation.lost();
         let mut status = Status {
             state,
             identity: self
@@ -172,13 +192,21 @@ impl Inbox {
                 .identity()
                 .cloned()
                 .filter(|_| self.is_identified),
+            unfit: self.openings.unfit.clone(),
+            found: self.openings.found.clone(),
+            closed_by: self.openings.closed_by.clone(),
+            opened: self.openings.opened,
             latency: Latency {
                 asked,
-                ..self.latency
+                ..self.answers.latency
             },
+            refused: self.answers.refused,
+            malformed: self.answers.malformed,
             dropped: self.events.dropped(),
+            counts: self.counts,
             frames_per_second: self.frames.per_second(now),
-            ..self.status.clone()
+            is_realtime: self.is_realtime,
+            ..Status::default()
         };
         self.rc.enter(now, &mut status);
         status

@@ -2,6 +2,8 @@
 
 mod room;
 
+use std::sync::Arc;
+
 use super::*;
 use crate::formation::Separation;
 use crate::navigation::deconfliction::{
@@ -11,11 +13,11 @@ use crate::traffic::{self, Intent};
 
 /// Drone 4, with deconfliction.
 fn avoiding() -> Navigation {
-    avoiding_since(None)
+    avoiding_within(None, None)
 }
 
-/// Drone 4, with deconfliction and what a navigation before it kept.
-fn avoiding_since(checkpoint: Option<Checkpoint>) -> Navigation {
+/// Drone 4, with deconfliction, a fence, and what a navigation before it kept.
+fn avoiding_within(fence: Option<Fence>, checkpoint: Option<Checkpoint>) -> Navigation {
     let separation = Separation {
         horizontal_m: 5.0,
         vertical_m: 5.0,
@@ -32,6 +34,10 @@ fn avoiding_since(checkpoint: Option<Checkpoint>) -> Navigation {
     };
     let config = Config {
         avoid: Some(avoid),
+        failsafe: Failsafe {
+            fence: fence.map(Arc::new),
+            ..FAILSAFE
+        },
         ..CONFIG
     };
     Navigation::new(NodeId(4), config, checkpoint)
@@ -323,10 +329,11 @@ fn restarted_navigation_announces_the_leg_in_flight_and_stops_for_right_of_way()
         target: Some(to),
         ..ON_THE_GROUND
     };
-    let mut navigation = avoiding_since(Some(Checkpoint {
+    let kept = Checkpoint {
         goal: Some(fly_to(to)),
         progress: Progress::Flying([to].into()),
-    }));
+    };
+    let mut navigation = avoiding_within(None, Some(kept));
     let start = [
         Transmit::Inform(Notice::Resync),
         Transmit::Resync,

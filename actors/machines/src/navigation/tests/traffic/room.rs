@@ -7,7 +7,12 @@ const ABOVE: Ned = Ned::new(1.0, 0.0, -25.0);
 
 /// Stands at its slot below drone 2.
 fn standing() -> Navigation {
-    let mut navigation = avoiding();
+    standing_within(None)
+}
+
+/// The same, within a fence.
+fn standing_within(fence: Option<Fence>) -> Navigation {
+    let mut navigation = avoiding_within(fence, None);
     handle(&mut navigation, Input::Goal(fly_to(HERE)));
     traffic(&mut navigation, 2, ABOVE, ABOVE);
     handle(&mut navigation, at_rest_at(HERE));
@@ -66,6 +71,16 @@ fn drone_below_one_that_falls_silent_flies_aside() {
             assert!(leg(&output[1..]).0.horizontal_distance_m(ABOVE) > 5.0);
             break;
         }
+    }
+}
+
+#[test]
+fn drone_makes_room_only_within_its_fence() {
+    for (radius_m, is_wide) in [(11.0, false), (15.0, true)] {
+        let mut navigation = standing_within(Some(Fence::cylinder(radius_m, 120.0)));
+        handle(&mut navigation, announces_descent(ABOVE));
+        let output = handle(&mut navigation, at_rest_at(HERE));
+        assert_eq!(output.is_empty(), !is_wide, "{radius_m} m: {output:?}");
     }
 }
 

@@ -8,8 +8,8 @@ const DISARMED_MIN: u8 = 2;
 ///
 /// Invariant: `disarmed` counts statuses since the port was opened and since the last one that said armed.
 #[derive(Debug, Default)]
-pub(super) struct Arming {
-    /// `None` if it has never told.
+pub(super) struct ArmedStatus {
+    /// As the controller said last; `None` if it never has.
     is_armed: Option<bool>,
     /// Statuses in a row that said disarmed.
     disarmed: u8,
@@ -17,15 +17,15 @@ pub(super) struct Arming {
     is_unlooked: bool,
 }
 
-impl Arming {
+impl ArmedStatus {
     /// The port was opened. `is_unlooked`: the controller was not looked at, and is to be once it has landed.
     pub(super) const fn opened(&mut self, is_unlooked: bool) {
         self.is_unlooked = is_unlooked;
         self.disarmed = 0;
     }
 
-    /// The controller told whether it is armed.
-    pub(super) const fn told(&mut self, is_armed: bool) {
+    /// Takes in whether the controller is armed.
+    pub(super) const fn update(&mut self, is_armed: bool) {
         self.is_armed = Some(is_armed);
         self.disarmed = if is_armed {
             0
@@ -34,7 +34,7 @@ impl Arming {
         };
     }
 
-    /// Whether the controller was armed when it told so last. `None` if it never has.
+    /// Whether the controller was armed at its last status. `None` if there was none.
     pub(super) const fn is_armed(&self) -> Option<bool> {
         self.is_armed
     }
@@ -51,13 +51,13 @@ mod tests {
 
     #[test]
     fn one_false_status_does_not_close_the_port_in_flight() {
-        let mut arming = Arming::default();
+        let mut arming = ArmedStatus::default();
         arming.opened(true);
         for is_armed in [true, false, true, false] {
-            arming.told(is_armed);
+            arming.update(is_armed);
             assert!(!arming.must_look());
         }
-        arming.told(false);
+        arming.update(false);
         assert!(arming.must_look());
         arming.opened(false);
         assert!(!arming.must_look());
