@@ -224,8 +224,12 @@ class Lab:
 
     def start_on_operator(self, *words):
         """Starts a process on the operator's machine, in a process group of its own."""
+        return self.start_in("fleet-op", *words)
+
+    def start_in(self, namespace, *words):
+        """The same with the network of a host."""
         return subprocess.Popen(
-            ["ip", "netns", "exec", "fleet-op", *words],
+            ["ip", "netns", "exec", namespace, *words],
             text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
         )
 

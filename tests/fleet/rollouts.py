@@ -57,7 +57,7 @@ BROKEN = {
     "fills-the-disk": "cat /dev/zero > /var/lib/muster/full; sleep 1",
     "hangs-after-5-s": "(sleep 5; kill -STOP $$) &",
     "dies-after-5-s": "(sleep 5; kill -KILL $$) &",
-    "hears-no-controller": 'sed "s/tcp:10.0.0.100:5761/tcp:10.0.0.100:5799/" /opt/muster/current/config/drone-*.toml '
+    "hears-no-controller": 'sed "s/tcp:127.0.0.1:5761/tcp:127.0.0.1:5799/" /opt/muster/current/config/drone-*.toml '
     '> /var/lib/muster/own.toml; cp /opt/muster/current/config/* /var/lib/muster/; '
     'set -- --config /var/lib/muster/own.toml',
     "hangs-in-the-soak": "(sleep 14; kill -STOP $$) &",
@@ -233,9 +233,9 @@ def broken_releases(bench, kinds):
 
 def dead_controller(bench):
     """A release that does not reach the flight controller is stopped at the canary, which has one."""
-    simulated = bench.lab.start_on_operator(bench.muster, "fc", "simulate", "--listen", "10.0.0.100:5761")
+    simulated = bench.lab.start_in(f"fleet-{bench.hosts[0].name}", bench.muster, "fc", "simulate", "--listen", "127.0.0.1:5761")
     try:
-        bench.write_fleet(controller='controller = "tcp:10.0.0.100:5761"\nreceiver = "sole"')
+        bench.write_fleet(controller='controller = "tcp:127.0.0.1:5761"\nreceiver = "sole"')
         code, report, errors = bench.apply("0.1.2")
         assert code == 0, (report, errors)
         broken_releases(bench, ["hears-no-controller"])

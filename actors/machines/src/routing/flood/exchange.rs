@@ -360,6 +360,10 @@ impl FloodPolicy {
                         self.become_relay(shared);
                     }
                     self.record_members(shared, now, sender, &flood.members);
+                } else if self.is_overdue(now, sender) {
+                    // Its parent does not forward its reports.
+                    let own = flood.members.iter().copied().filter(|it| it.id == sender);
+                    self.record_members(shared, now, sender, &own.collect::<Vec<_>>());
                 }
                 self.adopt_parent_late(shared, now, sender, flood.hops);
             }
@@ -371,6 +375,12 @@ impl FloodPolicy {
             }
             Phase::Discovery { .. } | Phase::HopUpdate { .. } => {}
         }
+    }
+
+    /// Whether no report of a member has come for half its time to live.
+    fn is_overdue(&self, now: Timestamp, member: NodeId) -> bool {
+        self.members
+            .is_silent_for(member, now, self.config.time_to_live / 2)
     }
 
     fn record_members(

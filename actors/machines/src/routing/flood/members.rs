@@ -134,6 +134,11 @@ impl Members {
         silent
     }
 
+    /// Whether the number of a known member has not risen for longer than `time`.
+    pub(super) fn is_silent_for(&self, id: NodeId, now: Timestamp, time: Duration) -> bool {
+        (self.0.get(id)).is_some_and(|it| now.since(it.rose_at) > time)
+    }
+
     pub(super) fn iter(&self) -> impl Iterator<Item = Member> + '_ {
         self.0.iter().map(|record| record.member)
     }

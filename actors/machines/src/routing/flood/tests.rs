@@ -462,6 +462,48 @@ fn members_silent_before_discovery_are_expected_after_it() {
 }
 
 #[test]
+fn master_hears_a_member_itself_if_its_parent_forwards_nothing() {
+    let mut master = routing(0);
+    let input = Input::Lead(MASTER);
+    stimulate(&mut master, Timestamp::ZERO, Stimulus::Input(input));
+    stimulate(&mut master, at(1.0), Stimulus::Input(Input::Discover));
+    let mut heard_at = None;
+    for second in 9..40_u32 {
+        let now = at(f64::from(second));
+        let is_missed = |it: &Notice| matches!(it, Notice::Silent(who) if who.contains(NodeId(2)));
+        assert!(
+            !wait(&mut master, now).notices.iter().any(is_missed),
+            "after {second} s"
+        );
+        let member = Member {
+            id: NodeId(2),
+            number: second,
+            acknowledged: 0,
+            out_of_range: true,
+            landing: false,
+        };
+        let sent = Flood {
+            parent: Some(NodeId(1)),
+            members: vec![member],
+            ..flood(0, 0)
+        };
+        let is_reached = |it: &Event| {
+            matches!(
+                it,
+                Event::Reached {
+                    member: NodeId(2),
+                    ..
+                }
+            )
+        };
+        let events = receive(&mut master, now, 2, &Packet::Flood(sent)).events;
+        heard_at = heard_at.or(events.iter().any(is_reached).then_some(second));
+    }
+    // Routes are up after 9 s, and members are expected within two times to live: half of one after the first.
+    assert_eq!(heard_at, Some(17));
+}
+
+#[test]
 fn master_landing_is_forwarded() {
     let landing = Member {
         id: NodeId(0),
