@@ -216,6 +216,7 @@ mod real_time {
 
     /// Documents repeat commands; each is run once, in the order of the documents.
     #[test]
+    #[ignore = "in real time: `.ci/run` runs it"]
     fn commands_in_documents_succeed() {
         let folder = fresh_folder();
         let mut done = BTreeSet::new();
@@ -243,6 +244,7 @@ mod real_time {
     }
 
     #[test]
+    #[ignore = "in real time: `.ci/run` runs it"]
     fn examples_in_the_help_succeed() {
         let folder = fresh_folder();
         for subcommand in [
