@@ -103,6 +103,7 @@ fn send(context: &mut Context<'_>, to: Destination, message: Message) -> Option<
 
 impl Agent for Mule {
     fn start(&mut self, context: &mut Context<'_>) {
+        context.set_telemetry(None);
         if Self::is_mule(context) {
             context.set_timer(CALL, PERIOD);
             context.go_to(self.above(1, context));

@@ -27,6 +27,7 @@ class Mule:
         return north, east, cx.slot[2] + 6.0 * cx.id
 
     def start(self, cx):
+        cx.set_telemetry(None)
         if cx.id == cx.drones - 1:
             cx.set_timer(CALL, 1.0)
             cx.go_to(self.above(1, cx))

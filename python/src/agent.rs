@@ -129,6 +129,7 @@ impl PyAgent {
                 }
                 Command::SetTimer(timer, after) => context.set_timer(timer, after),
                 Command::CancelTimer(timer) => context.cancel_timer(timer),
+                Command::SetTelemetry(period) => context.set_telemetry(period),
                 Command::Keep(kept) => context
                     .keep(&kept)
                     .expect("its length was checked when it was asked for"),

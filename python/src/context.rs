@@ -41,6 +41,7 @@ pub(crate) enum Command {
     },
     SetTimer(TimerId, Duration),
     CancelTimer(TimerId),
+    SetTelemetry(Option<Duration>),
     Keep(Vec<u8>),
     Observe(String, f64),
 }
@@ -208,6 +209,14 @@ impl Context {
         let after = Duration::try_from_secs_f64(seconds)
             .map_err(|_| PyValueError::new_err("`seconds` is a number from 0"))?;
         self.commands.push(Command::SetTimer(TimerId(timer), after));
+        Ok(())
+    }
+
+    /// Calls `telemetry` once in so many seconds, at least 0.01; None: on arrival only.
+    fn set_telemetry(&mut self, seconds: Option<f64>) -> PyResult<()> {
+        let period = seconds.map(Duration::try_from_secs_f64).transpose();
+        let period = period.map_err(|_| PyValueError::new_err("`seconds` is a number from 0, or None"))?;
+        self.commands.push(Command::SetTelemetry(period));
         Ok(())
     }
 

@@ -265,6 +265,7 @@ mod tests {
         let [simulated, twin] = both(scenario, delay, faults).map(|(mut report, _)| {
             for drone in &mut report.drones {
                 (drone.messages_sent, drone.messages_received) = (0, 0);
+                drone.messages_at_least = false;
             }
             for barrier in &mut report.barriers {
                 (barrier.transmissions, barrier.keep_alives, barrier.retries) = (0, 0, 0);
@@ -289,6 +290,17 @@ mod tests {
     fn twin_injects_faults_and_checks_rules_as_the_simulation_does() {
         for name in ["kill-at-waypoint.toml", "cut-in-two.toml"] {
             compare(&scenario(name, &[]));
+        }
+    }
+
+    #[test]
+    fn counts_of_killed_processes_are_lower_bounds() {
+        for name in ["kill-at-waypoint.toml", "returning-drone.toml"] {
+            let scenario = scenario(name, &[]);
+            let [simulated, twin] = both(&scenario, Duration::ZERO, &scenario.faults)
+                .map(|(report, _)| report.drones.into_iter().map(|it| it.messages_at_least));
+            assert!(simulated.into_iter().all(|it| !it), "{name}");
+            assert_eq!(twin.filter(|it| *it).count(), 1, "{name}");
         }
     }
 

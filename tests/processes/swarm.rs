@@ -126,6 +126,8 @@ fn processes_elect_a_master_over_several_hops_and_keep_the_rules() {
         }
         assert!(drone["messages_sent"].as_u64() > Some(0), "drone {id}");
         assert!(drone["messages_received"].as_u64() > Some(0), "drone {id}");
+        let at_least = drone.get("messages_at_least").is_some();
+        assert_eq!(at_least, id == 2, "drone {id}");
     }
     // Each drone hears two neighbours on each side at most. Without the master there are two segments.
     let elections = report["elections"].as_array().unwrap();

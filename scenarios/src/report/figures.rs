@@ -5,7 +5,7 @@ use std::path::Path;
 use muster_runtime::agents::Agents;
 use muster_runtime::text::figure;
 
-use super::{Barrier, DroneReport, Engine, FormationChange, Report, Role};
+use super::{Barrier, DroneReport, Engine, FormationChange, RelayReport, Report, Role};
 
 /// A drone's part in the radio network; sets its colour and mark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
@@ -42,6 +42,31 @@ impl DroneReport {
             (Role::Member, false) => Kind::Leaf,
         }
     }
+
+    /// Its numbers of frames sent and received, "≥ 1,234" if frames are missing in them.
+    #[must_use]
+    pub fn messages(&self) -> [String; 2] {
+        messages(
+            [self.messages_sent, self.messages_received],
+            self.messages_at_least,
+        )
+    }
+}
+
+impl RelayReport {
+    /// As [`DroneReport::messages`].
+    #[must_use]
+    pub fn messages(&self) -> [String; 2] {
+        messages(
+            [self.messages_sent, self.messages_received],
+            self.messages_at_least,
+        )
+    }
+}
+
+fn messages(counts: [u64; 2], at_least: bool) -> [String; 2] {
+    let bound = if at_least { "≥\u{a0}" } else { "" };
+    counts.map(|it| format!("{bound}{}", figure(count(it), 0)))
 }
 
 impl Barrier {
@@ -210,6 +235,16 @@ pub(super) fn speedup_text(report: &Report) -> Option<String> {
 mod tests {
     use super::*;
     use crate::report::sample;
+
+    #[test]
+    fn counts_that_lack_frames_are_shown_as_lower_bounds() {
+        let (mut report, _) = sample::swarm(1);
+        let drone = &mut report.drones[0];
+        (drone.messages_sent, drone.messages_received) = (1_234, 5);
+        assert_eq!(drone.messages(), ["1,234", "5"]);
+        drone.messages_at_least = true;
+        assert_eq!(drone.messages(), ["≥\u{a0}1,234", "≥\u{a0}5"]);
+    }
 
     #[test]
     fn command_is_quoted_for_the_shell() {

@@ -225,6 +225,9 @@ pub struct DroneReport {
     pub messages_sent: u64,
     /// Frames accepted during the flight time.
     pub messages_received: u64,
+    /// Whether both counts lack the frames since its last report, since its process was killed.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub messages_at_least: bool,
     /// Mean time from its arrival at a waypoint to its departure.
     pub waypoint_delay_s: Option<f64>,
     /// Longest such time.
@@ -284,6 +287,9 @@ pub struct RelayReport {
     pub messages_sent: u64,
     /// Frames accepted.
     pub messages_received: u64,
+    /// As in [`DroneReport::messages_at_least`].
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub messages_at_least: bool,
     /// Number of actor restarts.
     pub restarts: u32,
 }

@@ -288,6 +288,7 @@ fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport 
         flight_time_s: Some(flight_time_s),
         messages_sent: (flight_time_s * 5.0) as u64 + u64::from(id % 4) * 17,
         messages_received: received as u64 + u64::from(id % 3) * 41,
+        messages_at_least: false,
         waypoint_delay_s: Some(wait_s(f64::from(drones / 2)) + 0.03 * f64::from(hops)),
         waypoint_delay_max_s: Some(wait_s(f64::from(drones / 2)) + 0.05 * f64::from(hops)),
         state: "finished".to_owned(),

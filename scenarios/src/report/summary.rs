@@ -164,6 +164,7 @@ fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
             .map(|(from, to)| (to - from).as_secs_f64()),
         messages_sent: traffic.sent,
         messages_received: traffic.received,
+        messages_at_least: traffic.is_cut_off,
         waypoint_delay_s: mean(waits.iter().map(Duration::as_secs_f64)),
         waypoint_delay_max_s: waits.iter().max().map(Duration::as_secs_f64),
         following: None,
@@ -207,6 +208,7 @@ fn relays(scenario: &Scenario, joins: Joins, flown: &SwarmOutcome) -> Vec<RelayR
             parent: record.routes.parent.map(|parent| parent.0),
             messages_sent: traffic.sent,
             messages_received: traffic.received,
+            messages_at_least: traffic.is_cut_off,
             restarts: record.restarts,
         })
         .collect()

@@ -6,7 +6,7 @@ use comfy_table::{
 };
 
 use super::agents;
-use super::figures::{count, speedup_text};
+use super::figures::speedup_text;
 use super::{
     DroneReport, Election, FirmwareStalls, FormationChange, FormationError, Report, Role, Violation,
 };
@@ -120,6 +120,7 @@ fn figures(report: &Report, width: Option<u16>, colour: Colour) -> String {
 
 fn row(drone: &DroneReport) -> Row {
     let leads = drone.role == Role::Master;
+    let [sent, received] = drone.messages();
     let cells = [
         if leads {
             format!("▸ {}", drone.id)
@@ -132,8 +133,8 @@ fn row(drone: &DroneReport) -> Row {
             .map_or_else(|| NO_VALUE.to_owned(), |hops| hops.to_string()),
         if drone.relay { "relay" } else { "" }.to_owned(),
         figure_or_dash(drone.flight_time_s, 1),
-        figure(count(drone.messages_sent), 0),
-        figure(count(drone.messages_received), 0),
+        sent,
+        received,
         figure_or_dash(drone.waypoint_delay_s, 2),
         drone.state.clone(),
     ];
@@ -294,7 +295,8 @@ fn relays(report: &Report) -> String {
             }
             _ => "no route to the master".to_owned(),
         };
-        format!("{}: {route}, {} frames sent", relay.id, relay.messages_sent)
+        let [sent, _] = relay.messages();
+        format!("{}: {route}, {sent} frames sent", relay.id)
     });
     relays.collect::<Vec<_>>().join("; ")
 }

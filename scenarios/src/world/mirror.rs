@@ -63,6 +63,9 @@ impl Mirror {
             booting: BTreeMap::new(),
             overruled: BTreeMap::new(),
         };
+        for swarm in mirror.world.scene.core.swarms.iter_mut() {
+            swarm.recorder.frames_are_reported();
+        }
         for drone in (0..scenario.plan.nodes()).map(NodeId) {
             mirror.start_actors(drone);
         }

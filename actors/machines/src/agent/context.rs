@@ -5,7 +5,9 @@ use std::time::Duration;
 use rand_chacha::ChaCha8Rng;
 
 use super::host::State;
-use super::{ALTITUDE_MIN_M, Destination, MessageId, Reliability, TIMER_MIN, TimerId, TooMuch};
+use super::{
+    ALTITUDE_MIN_M, Destination, MessageId, Reliability, TELEMETRY_MIN, TIMER_MIN, TimerId, TooMuch,
+};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::navigation::Goal;
@@ -76,7 +78,7 @@ impl Context<'_> {
         self.state.config.altitude_max_m
     }
 
-    /// Last known position of this drone.
+    /// Last known position of this drone: as of the last call of [`Agent::telemetry`](super::Agent::telemetry).
     #[must_use]
     pub const fn position(&self) -> Ned {
         self.state.position
@@ -157,6 +159,13 @@ impl Context<'_> {
     /// Stops a timer. Does nothing if it does not run.
     pub fn cancel_timer(&mut self, timer: TimerId) {
         self.state.timers.cancel(timer);
+    }
+
+    /// Calls [`Agent::telemetry`](super::Agent::telemetry) once in `period`, at least [`TELEMETRY_MIN`], from now on until a
+    /// restart; `None`: on arrival only, which costs nothing in between.
+    pub fn set_telemetry(&mut self, period: Option<Duration>) {
+        let period = period.map(|it| it.max(TELEMETRY_MIN));
+        self.state.requests.set_telemetry(period);
     }
 
     /// Keeps a state for the case of a restart; it replaces the last one. It is stored before what this step sends

@@ -57,7 +57,7 @@ pub struct Config {
     pub waypoints: Arc<[Ned]>,
     /// Highest altitude that the agent may fly to, in metres above home.
     pub altitude_max_m: f64,
-    /// Period of [`Agent::telemetry`].
+    /// Period of [`Agent::telemetry`], unless the agent sets one.
     pub telemetry: Duration,
     /// Builds the agent.
     pub factory: Factory,
@@ -96,6 +96,9 @@ pub struct Host {
     /// Whether the agent was told of the leader and the drones on task.
     is_informed: bool,
     is_leader_silent: bool,
+    /// Period of [`Agent::telemetry`]; `None`: on arrival only.
+    telemetry: Option<Duration>,
+    /// `None` while the agent doesn't run, and without a period.
     next_telemetry: Option<Timestamp>,
     outbox: Outbox<Transmit, Event>,
 }
@@ -135,6 +138,7 @@ impl Host {
         Self {
             mission,
             runner,
+            telemetry: Some(state.config.telemetry),
             state,
             is_informed: false,
             is_leader_silent: false,
@@ -156,7 +160,7 @@ impl Host {
     /// Calls the agent, then carries out what it asked for.
     fn call(&mut self, now: Timestamp, call: impl FnOnce(&mut dyn Agent, &mut Context<'_>)) {
         match self.runner.call(now, &mut self.state, call) {
-            Ok(()) => self.carry_out(),
+            Ok(()) => self.carry_out(now),
             Err(failed) => self.fail(failed),
         }
     }
@@ -165,8 +169,9 @@ impl Host {
     fn start_if_due(&mut self, now: Timestamp) {
         match self.runner.start_if_due(now, &mut self.state) {
             Ok(true) => {
+                self.telemetry = Some(self.state.config.telemetry);
                 self.next_telemetry = Some(now);
-                self.carry_out();
+                self.carry_out(now);
             }
             Ok(false) => {}
             Err(failed) => self.fail(failed),
@@ -185,7 +190,11 @@ impl Host {
     }
 
     /// Carries out what the agent asked for.
-    fn carry_out(&mut self) {
+    fn carry_out(&mut self, now: Timestamp) {
+        if let Some(period) = self.state.requests.take_telemetry() {
+            self.telemetry = period;
+            self.next_telemetry = period.map(|it| now + it);
+        }
         let goal = self.state.requests.take_goal();
         let kept = self.state.requests.take_kept();
         if let Some(goal) = goal {
@@ -318,7 +327,7 @@ impl Host {
     /// Requests the position if it is due.
     fn locate_if_due(&mut self, now: Timestamp) {
         if let Some(due) = self.next_telemetry.filter(|due| *due <= now) {
-            self.next_telemetry = Some(due.next_period(self.state.config.telemetry, now));
+            self.next_telemetry = self.telemetry.map(|it| due.next_period(it, now));
             self.outbox.transmit(Transmit::Locate);
         }
     }

@@ -34,6 +34,8 @@ pub use crate::wire::{Destination, MESSAGE_FRAME_MAX, MESSAGE_MAX};
 
 /// Largest state that an agent may keep, in bytes.
 pub const KEPT_MAX: usize = 16 * 1024;
+/// Shortest period of an agent's telemetry.
+pub const TELEMETRY_MIN: Duration = Duration::from_millis(10);
 /// Shortest time until a timer expires.
 pub const TIMER_MIN: Duration = Duration::from_millis(1);
 /// Most timers of an agent that run at once.
@@ -58,7 +60,7 @@ pub trait Agent: Send {
     /// kept before a restart. Timers do not survive a restart; the last goal does.
     fn start(&mut self, context: &mut Context<'_>);
 
-    /// The drone's position, once a period ([`Config::telemetry`]), and immediately when it arrives.
+    /// The drone's position, once a period ([`Config::telemetry`], [`Context::set_telemetry`]), and immediately when it arrives.
     fn telemetry(&mut self, _telemetry: &Telemetry, _context: &mut Context<'_>) {}
 
     /// A message of an agent arrived, perhaps of this one: a leader's message to the leader. Each arrives at most once.

@@ -1,5 +1,7 @@
 //! What an agent asks for in one step.
 
+use std::time::Duration;
+
 use bytes::Bytes;
 
 use super::{
@@ -19,6 +21,8 @@ pub(super) struct Requests {
     goal: Option<Goal>,
     kept: Option<Vec<u8>>,
     lands: bool,
+    /// The new period of the telemetry, `None` in it for none.
+    telemetry: Option<Option<Duration>>,
     messages: Vec<Outgoing>,
     observed: Vec<Observed>,
     /// Id of the last message; wraps.
@@ -32,6 +36,7 @@ impl Requests {
             goal: None,
             kept: None,
             lands: false,
+            telemetry: None,
             messages: Vec::new(),
             observed: Vec::new(),
             last_message,
@@ -46,6 +51,11 @@ impl Requests {
     /// Requests a landing.
     pub(super) const fn land(&mut self) {
         self.lands = true;
+    }
+
+    /// Replaces the period of the telemetry; `None` for none.
+    pub(super) const fn set_telemetry(&mut self, period: Option<Duration>) {
+        self.telemetry = Some(period);
     }
 
     /// Replaces the state to be kept.
@@ -105,6 +115,10 @@ impl Requests {
 
     pub(super) const fn take_goal(&mut self) -> Option<Goal> {
         self.goal.take()
+    }
+
+    pub(super) const fn take_telemetry(&mut self) -> Option<Option<Duration>> {
+        self.telemetry.take()
     }
 
     pub(super) const fn take_kept(&mut self) -> Option<Vec<u8>> {

@@ -57,6 +57,8 @@ impl Agent for Recorder {
         match payload {
             b"land later" => context.set_timer(TimerId(8), SECOND),
             b"land" => context.land(),
+            b"arrivals only" => context.set_telemetry(None),
+            b"as often as possible" => context.set_telemetry(Some(Duration::ZERO)),
             b"panic" => {
                 context.keep(b"two").unwrap();
                 context.hold();
@@ -311,6 +313,28 @@ fn agent_starts_once_its_drone_is_on_task_and_its_checkpoint_leaves_first() {
     assert!(place("AgentCheckpoint") < place("Messages"));
     assert!(place("AgentCheckpoint") < place("Goal(FlyTo"));
     assert!(emitted.iter().any(|it| it.starts_with("Acknowledge")));
+}
+
+#[test]
+fn agent_sets_the_period_of_its_telemetry_until_it_restarts() {
+    let mut drone = member_on_task();
+    let requests = |(transmits, _): (Vec<Transmit>, Vec<Event>)| {
+        (transmits.iter().filter(|it| **it == Transmit::Locate)).count()
+    };
+    assert_eq!(requests(drone.wait(Duration::ZERO)), 1);
+    drone.message(b"arrivals only");
+    assert_eq!(requests(drone.wait(5 * SECOND)), 0);
+    drone.calls();
+    drone.input(Input::Navigation(NavigationNotice::Arrived));
+    assert_eq!(drone.calls(), ["telemetry, arrived true"]);
+    drone.message(b"as often as possible");
+    for _ in 0..2 {
+        assert_eq!(requests(drone.wait(TELEMETRY_MIN / 2)), 0);
+        assert_eq!(requests(drone.wait(TELEMETRY_MIN / 2)), 1);
+    }
+    drone.message(b"arrivals only");
+    drone.message(b"panic");
+    assert_eq!(requests(drone.wait(SECOND)), 1, "as configured");
 }
 
 #[test]

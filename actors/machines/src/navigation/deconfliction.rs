@@ -291,8 +291,8 @@ impl Deconfliction {
     /// a while, for one that falls silent sends nothing to react to.
     pub(super) fn room_beside(&mut self, now: Timestamp, here: Ned) -> Option<Ned> {
         let traffic = self.traffic.as_ref().filter(|_| self.is_standing())?;
-        if traffic.is_any_above(here) {
-            self.next_progress.get_or_insert(now + PROGRESS_INTERVAL);
+        if self.next_progress.is_none() && traffic.is_any_above(here) {
+            self.next_progress = Some(now + PROGRESS_INTERVAL);
         }
         traffic.room_beside(now, here, |side| self.keeps_inside(here, side))
     }

@@ -126,6 +126,11 @@ impl Traffic {
         self.config.has_followers
     }
 
+    /// Whether a drone that was heard last at `at` is silent.
+    fn is_silent(&self, now: Timestamp, at: Timestamp) -> bool {
+        now.since(at) > self.config.silent_after()
+    }
+
     /// Updates or removes the intent of another drone; returns whether it changed.
     pub(crate) fn update(&mut self, now: Timestamp, id: NodeId, intent: Option<Intent>) -> bool {
         let Some(intent) = intent else {
@@ -150,8 +155,7 @@ impl Traffic {
     /// Whether another drone may hear this one: it is heard itself, and is not known to be deaf.
     fn may_hear(&self, now: Timestamp, id: NodeId) -> bool {
         let heard_at = self.others.get(&id).map(|(_, at)| *at);
-        heard_at.is_some_and(|at| now.since(at) <= self.config.silent_after())
-            && !self.deaf.contains(id)
+        heard_at.is_some_and(|at| !self.is_silent(now, at)) && !self.deaf.contains(id)
     }
 
     /// A place beside a landing column, at the same altitude, if the path to it and the column below it are clear.
@@ -188,6 +192,11 @@ impl Traffic {
         here: Ned,
         may_fly_to: impl Fn(Ned) -> bool,
     ) -> Option<Ned> {
+        // One that is heard and doesn't land stays up. That is nearly always so, and this is asked with each telemetry.
+        let mut others = self.others.values();
+        if others.all(|(intent, at)| !intent.lands() && !self.is_silent(now, *at)) {
+            return None;
+        }
         let is_below_another = self.occupied(now, here).any(|(id, space)| {
             self.comes_down(id, &space) && self.is_near(&space, Path::stationary(here))
         });
@@ -311,11 +320,11 @@ impl Traffic {
     fn occupied(&self, now: Timestamp, here: Ned) -> impl Iterator<Item = (NodeId, OccupiedSpace)> {
         let apart_m = move |intent: &Intent| here.distance_m(intent.remaining().from);
         let heard = self.others.values();
-        let heard = heard.filter(move |(_, at)| now.since(*at) <= self.config.silent_after());
+        let heard = heard.filter(move |(_, at)| !self.is_silent(now, *at));
         let reach_m = heard.map(|(intent, _)| apart_m(intent)).fold(0.0, f64::max);
         self.others.iter().filter_map(move |(id, (intent, at))| {
             let silent = now.since(*at);
-            let space = if silent <= self.config.silent_after() {
+            let space = if !self.is_silent(now, *at) {
                 Some(OccupiedSpace {
                     may_descend: self.deaf.contains(*id),
                     ..OccupiedSpace::of(*intent)

@@ -298,6 +298,9 @@ fn start_tasks(
         fleet: config.fleet,
     };
     tokio::spawn(tasks::reload_on(reload, Arc::clone(process)));
+    if config.log == Format::Json {
+        tokio::spawn(tasks::report_traffic(Arc::clone(process)));
+    }
     let watchdog = sd_notify::watchdog_enabled();
     tokio::spawn(tasks::feed_watchdog(Arc::clone(process), watchdog));
     if let Some(endpoint) = interfaces.endpoint {

@@ -214,6 +214,18 @@ impl Reload {
     }
 }
 
+/// How often the numbers of frames sent and admitted are logged for programs, besides each change of the mission's state. A
+/// process that is killed loses those since the last time.
+const TRAFFIC_PERIOD: Duration = Duration::from_secs(1);
+
+/// Logs periodically how many frames were sent and admitted.
+pub(super) async fn report_traffic(process: Arc<Process>) {
+    loop {
+        tokio::time::sleep(TRAFFIC_PERIOD).await;
+        process.state().report_traffic(process.clock.now());
+    }
+}
+
 /// How often the actors' liveness is checked, unless the service manager's watchdog needs it sooner.
 const LIVENESS_PERIOD: Duration = Duration::from_secs(1);
 

@@ -87,7 +87,8 @@ pub(super) fn flight_times(report: &Report) -> Markup {
 pub(super) fn messages(report: &Report) -> Markup {
     let bars = report.drones.iter().map(|drone| {
         let (received, sent) = (count(drone.messages_received), count(drone.messages_sent));
-        let about = format!("received {}, sent {}", figure(received, 0), figure(sent, 0));
+        let [sent_text, received_text] = drone.messages();
+        let about = format!("received {received_text}, sent {sent_text}");
         Bars::of_drone(drone, &about, vec![Some(received), Some(sent)])
     });
     chart(&Chart {

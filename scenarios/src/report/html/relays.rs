@@ -2,7 +2,6 @@
 
 use maud::{Markup, html};
 
-use crate::report::figures::count;
 use crate::report::{RelayReport, Report};
 use muster_runtime::text::{NO_VALUE, figure};
 
@@ -37,6 +36,7 @@ pub(super) fn relays(report: &Report) -> Markup {
 
 fn row(relay: &RelayReport) -> Markup {
     let or_dash = |value: Option<u32>| value.map_or(NO_VALUE.to_owned(), |it| it.to_string());
+    let [sent, received] = relay.messages();
     html! {
         tr {
             td.n { (relay.id) }
@@ -45,8 +45,8 @@ fn row(relay: &RelayReport) -> Markup {
             td.n { (figure(relay.altitude_m, 0)) }
             td.n { (or_dash(relay.hops.map(u32::from))) }
             td.n { (or_dash(relay.parent)) }
-            td.n { (figure(count(relay.messages_sent), 0)) }
-            td.n { (figure(count(relay.messages_received), 0)) }
+            td.n { (sent) }
+            td.n { (received) }
         }
     }
 }

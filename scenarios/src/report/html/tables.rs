@@ -188,6 +188,7 @@ pub(super) fn swarm(report: &Report) -> Markup {
 
 fn row(drone: &DroneReport) -> Markup {
     let kind = drone.kind();
+    let [sent, received] = drone.messages();
     let number = |value: Option<u32>| value.map_or_else(|| NO_VALUE.to_owned(), |v| v.to_string());
     html! {
         tr.leads[kind == Kind::Master] {
@@ -198,8 +199,8 @@ fn row(drone: &DroneReport) -> Markup {
             td { @if drone.out_of_range { "no" } @else { "yes" } }
             td { (ranges(&drone.routing_list)) }
             td.n { (figure_or_dash(drone.flight_time_s, 1)) }
-            td.n { (figure(count(drone.messages_sent), 0)) }
-            td.n { (figure(count(drone.messages_received), 0)) }
+            td.n { (sent) }
+            td.n { (received) }
             td.n { (figure_or_dash(drone.waypoint_delay_s, 2)) }
             td.n { (drone.restarts) }
             td {

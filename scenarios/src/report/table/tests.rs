@@ -1,4 +1,5 @@
 use super::*;
+use crate::report::figures::count;
 use crate::report::sample;
 
 #[test]

@@ -92,6 +92,11 @@ impl Recorder {
         self.traffic.received(self.index(id));
     }
 
+    /// The nodes are processes that report their frames from time to time.
+    pub(super) const fn frames_are_reported(&mut self) {
+        self.traffic.are_reported();
+    }
+
     /// How often the medium has sent a frame again so far.
     pub(super) const fn retried(&mut self, retries: u64) {
         self.traffic.retried(retries);
@@ -117,6 +122,7 @@ impl Recorder {
     /// A node's process has ended, and is to be started again.
     pub(super) fn stopped(&mut self, id: NodeId, now: Timestamp) {
         self.history.happens(now, id, Incident::Stopped);
+        self.traffic.cut_off(self.index(id));
     }
 
     /// A node's process has been restarted.
@@ -135,6 +141,7 @@ impl Recorder {
 
     pub(super) fn killed(&mut self, id: NodeId, now: Timestamp) {
         self.history.happens(now, id, Incident::Killed);
+        self.traffic.cut_off(self.index(id));
         self.record(id).killed = Some(now);
     }
 

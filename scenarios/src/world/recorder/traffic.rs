@@ -21,6 +21,8 @@ pub(crate) struct Frames {
 pub(crate) struct Traffic {
     pub(crate) sent: u64,
     pub(crate) received: u64,
+    /// Whether frames of a process that was killed are missing: those since its last report.
+    pub(crate) is_cut_off: bool,
     /// Whether frames count at present.
     counts: bool,
 }
@@ -32,6 +34,8 @@ pub(super) struct TrafficCounts {
     nodes: Vec<Traffic>,
     total: Frames,
     dropped: BTreeMap<DropReason, u64>,
+    /// Whether the nodes are processes that report their frames from time to time.
+    are_reported: bool,
 }
 
 impl TrafficCounts {
@@ -46,7 +50,13 @@ impl TrafficCounts {
             nodes: (0..nodes).map(traffic).collect(),
             total: Frames::default(),
             dropped: BTreeMap::new(),
+            are_reported: false,
         }
+    }
+
+    /// The nodes are processes that report their frames from time to time.
+    pub(super) const fn are_reported(&mut self) {
+        self.are_reported = true;
     }
 
     /// A node sends a frame.
@@ -84,6 +94,12 @@ impl TrafficCounts {
     /// Frames of a node count no more.
     pub(super) fn end(&mut self, node: usize) {
         self.nodes[node].counts = false;
+    }
+
+    /// The process of a node is killed: nobody knows the frames since its last report.
+    pub(super) fn cut_off(&mut self, node: usize) {
+        let traffic = &mut self.nodes[node];
+        traffic.is_cut_off |= self.are_reported && traffic.counts;
     }
 
     /// Loads what changes with each frame of a node.
@@ -127,5 +143,20 @@ mod tests {
         let of = |node| (counts.of(node).sent, counts.of(node).received);
         assert_eq!((of(drone), of(relay)), ((2, 2), (4, 0)));
         assert_eq!((counts.total().news, counts.total().keep_alives), (4, 4));
+    }
+
+    #[test]
+    fn frames_of_a_process_that_is_killed_while_they_count_are_cut_off() {
+        for are_reported in [false, true] {
+            let mut counts = TrafficCounts::new(2, 2);
+            if are_reported {
+                counts.are_reported();
+            }
+            counts.begin(1);
+            counts.cut_off(0);
+            counts.cut_off(1);
+            let cut_off = [0, 1].map(|node| counts.of(node).is_cut_off);
+            assert_eq!(cut_off, [false, are_reported]);
+        }
     }
 }
