@@ -48,6 +48,19 @@ fn patrols_of_all_flats_touch_nothing_see_all_and_keep_their_time_and_their_pose
     }
 }
 
+/// Without making room they take two times as long as without noise: drone and person wait for each other at a door.
+#[test]
+fn drone_makes_room_for_a_person_at_a_door() {
+    for (name, seed) in [("ell", 28), ("ell", 61), ("flat", 866)] {
+        let prepared = prepared(name);
+        let exact = engine::run(&prepared, Setup::exact(seed));
+        let outcome = engine::run(&prepared, Setup::seeded(seed));
+        check_safe(&outcome, name);
+        let times = outcome.time.as_secs_f64() / exact.time.as_secs_f64();
+        assert!(times <= TIMES_MAX, "{name}, seed {seed}: {times}");
+    }
+}
+
 #[test]
 fn both_engines_give_the_same_patrol() {
     let flat = prepared("flat");

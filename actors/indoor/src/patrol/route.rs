@@ -31,6 +31,13 @@ const TRIES_MAX: u32 = 9;
 const TRIES_BEFORE_OTHERS: u32 = 3;
 /// Time to wait where there is no path at all.
 const PATIENCE: Duration = Duration::from_secs(2);
+/// A drone that makes room flies back until it is so far from where its path is blocked, in metres.
+const ROOM_M: f64 = 1.6;
+/// After so many waits at one place, it makes room before each.
+const WAITS_BEFORE_ROOM: u32 = 2;
+/// Distance between the noted places of its way here, and how many are noted: twice as far as it ever flies back.
+const NOTED_EVERY_M: f64 = 0.3;
+const NOTED_MAX: usize = 16;
 /// Stops that may be added at the end for what is still unseen.
 const EXTRA_MAX: usize = 40;
 /// Distance from the path at which it is planned anew, in metres.
@@ -65,6 +72,8 @@ enum Phase {
     /// Looking round: what is left to turn, in radians.
     Looking(f64),
     Waiting(Timestamp),
+    /// Flying back along a path, to let by who blocks the way.
+    MakingRoom(Vec<MapXy>),
     Done,
 }
 
@@ -91,6 +100,10 @@ pub(super) struct Route {
     nearest: (f64, Timestamp),
     heading_rad: f64,
     blocked_now: bool,
+    /// Where the drone came from, the newest place first.
+    came_by: VecDeque<MapXy>,
+    /// Where its path was blocked last, and how often it has waited there in a row.
+    block: Option<(MapXy, u32)>,
 }
 
 impl Route {
@@ -107,6 +120,8 @@ impl Route {
             nearest: (f64::INFINITY, Timestamp::ZERO),
             heading_rad: config.start.heading_rad,
             blocked_now: false,
+            came_by: VecDeque::new(),
+            block: None,
         }
     }
 
@@ -130,6 +145,7 @@ impl Route {
         let pose = place.pose();
         let turned = crate::frames::wrapped_rad(pose.heading_rad - self.heading_rad);
         self.heading_rad = pose.heading_rad;
+        self.note(pose.at);
         match &mut self.phase {
             Phase::Done => Order::Done,
             Phase::Choosing => self.choose(now, config, pose, seen),
@@ -165,6 +181,57 @@ impl Route {
                 }
                 Order::Wait
             }
+            Phase::MakingRoom(_) => self.make_room(now, pose),
+        }
+    }
+
+    /// Notes the place for a flight back.
+    fn note(&mut self, at: MapXy) {
+        let newest = self.came_by.front();
+        if newest.is_none_or(|it| it.distance_m(at) > NOTED_EVERY_M) {
+            self.came_by.push_front(at);
+            self.came_by.truncate(NOTED_MAX);
+        }
+    }
+
+    /// Waits where it is. If it has waited at this block before, it first flies back the way it came, so that who blocks the
+    /// path can pass.
+    fn wait(&mut self, now: Timestamp, pose: MapPose) -> Order {
+        self.phase = Phase::Waiting(now + PATIENCE);
+        let Some((block, waited)) = &mut self.block else {
+            return Order::Wait;
+        };
+        *waited += 1;
+        let (block, waited) = (*block, *waited);
+        let is_free = |it: &MapXy| it.distance_m(block) >= ROOM_M;
+        let end = self.came_by.iter().position(is_free);
+        let (Some(end), true) = (end, waited >= WAITS_BEFORE_ROOM) else {
+            return Order::Wait;
+        };
+        let back = self.came_by.iter().take(end + 1).copied();
+        let path = std::iter::once(pose.at).chain(back).collect();
+        self.nearest = (f64::INFINITY, now);
+        self.phase = Phase::MakingRoom(path);
+        self.make_room(now, pose)
+    }
+
+    /// Flies back; waits at the end, or where it gets no farther.
+    fn make_room(&mut self, now: Timestamp, pose: MapPose) -> Order {
+        let Phase::MakingRoom(path) = &self.phase else {
+            return Order::Wait;
+        };
+        let (_, at) = along(path, pose.at);
+        let left_m = length_from(path, at);
+        if left_m < self.nearest.0 - PROGRESS_M {
+            self.nearest = (left_m, now);
+        }
+        if left_m < ARRIVED_M || now.since(self.nearest.1) > BLOCKED_AFTER {
+            self.phase = Phase::Waiting(now + PATIENCE);
+            return Order::Wait;
+        }
+        Order::Fly {
+            to: point_at(path, at, AHEAD_M),
+            left_m,
         }
     }
 
@@ -256,6 +323,10 @@ impl Route {
     fn blocked(&mut self, now: Timestamp, config: &Config, pose: MapPose, ahead: MapXy) -> Order {
         self.blocked_now = true;
         self.obstacles.add(ahead, BLOCK_RADIUS_M);
+        let waited = self
+            .block
+            .filter(|(block, _)| block.distance_m(ahead) < ROOM_M);
+        self.block = Some((ahead, waited.map_or(0, |(_, times)| times)));
         self.blocked_at = now;
         self.nearest = (f64::INFINITY, now);
         match self.tried() {
@@ -273,9 +344,9 @@ impl Route {
         pose: MapPose,
         can_leave: bool,
     ) -> Order {
-        self.phase = Phase::Waiting(now + PATIENCE);
         // What blocks the path was counted when it was met.
         if self.obstacles.is_empty() {
+            self.phase = Phase::Waiting(now + PATIENCE);
             return self.tried().map_or(Order::Wait, Order::GiveUp);
         }
         if can_leave {
@@ -287,7 +358,7 @@ impl Route {
         }
         self.passed_over = 0;
         self.obstacles.clear();
-        Order::Wait
+        self.wait(now, pose)
     }
 
     /// Counts a try of the present stop; after some, the next stop comes first. The stop, if it is given up.
