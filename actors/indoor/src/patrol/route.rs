@@ -35,7 +35,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 const ROOM_M: f64 = 1.6;
 /// After so many waits at one place, it makes room before each.
 const WAITS_BEFORE_ROOM: u32 = 2;
-/// Distance between the noted places of its way here, and how many are noted: twice as far as it ever flies back.
+/// Distance between the noted places of its way here, and how many are noted: three times as far as it must get from a block.
 const NOTED_EVERY_M: f64 = 0.3;
 const NOTED_MAX: usize = 16;
 /// Stops that may be added at the end for what is still unseen.
