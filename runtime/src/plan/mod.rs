@@ -199,6 +199,7 @@ impl Plan {
     fn routing(&self, id: NodeId) -> routing::Config {
         let drones = self.layout.formation().drones();
         let protocol = self.protocol;
+        let landing_period = protocol.heartbeat * LANDING_HEARTBEATS;
         match protocol.policy {
             Policy::Flood => routing::Config::Flood(flood::Config {
                 id,
@@ -218,6 +219,11 @@ impl Plan {
                 drones,
                 relays: self.nodes() - drones,
                 heartbeat_period: protocol.heartbeat,
+                landing_period: match self.vehicle.avoid {
+                    // Drones that fly to land hear of each other's paths by these frames.
+                    Some(_) => landing_period.min(protocol.keep_alive.max(protocol.heartbeat)),
+                    None => landing_period,
+                },
                 repair: protocol.repair,
                 repair_max: protocol.period,
                 link_time_to_live: protocol.time_to_live,
@@ -381,6 +387,8 @@ impl Plan {
 const BUDGET_PER_PERIOD: u32 = 40;
 /// Frames of one sender that a radio accepts at once.
 const BUDGET_BURST: u32 = 64;
+/// Policy `tree`: a drone that has been going to land for a while sends every n-th heartbeat, since no route depends on it.
+const LANDING_HEARTBEATS: u32 = 4;
 
 /// Parameters of the swarm's protocol.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -320,6 +320,7 @@ fn node(id: u32, drones: u32, seed: u64) -> Node {
         drones,
         relays: 0,
         heartbeat_period: Duration::from_secs(1),
+        landing_period: Duration::from_secs(4),
         repair: Duration::from_millis(8),
         repair_max: Duration::from_millis(200),
         link_time_to_live: Duration::from_secs(5),

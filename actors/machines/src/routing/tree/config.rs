@@ -13,6 +13,8 @@ pub struct Config {
     pub relays: u32,
     /// Period of the master's heartbeat.
     pub heartbeat_period: Duration,
+    /// Heartbeat period of a drone that has been going to land for `time_to_live`: others no longer depend on it.
+    pub landing_period: Duration,
     /// Repair interval: how long a drone waits for an acknowledgement of a hop before it sends again.
     pub repair: Duration,
     /// Longest repair interval after back-off.

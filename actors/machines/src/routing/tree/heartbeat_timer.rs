@@ -9,8 +9,6 @@ use crate::time::Timestamp;
 /// Shortest heartbeat period of a leaf, however short the master's is. No route depends on a leaf, and each frame costs
 /// all receivers a signature check.
 const LEAF_PERIOD_MIN: Duration = Duration::from_millis(100);
-/// A drone that has been going to land for its time to live sends every n-th heartbeat.
-const LANDING_INTERVAL: u32 = 4;
 /// Drones that receive the same heartbeat forward it within a random time, so that they do not collide. It grows by
 /// this much with each neighbour, for parents and for leaves. Others depend on parents, so these come first.
 const SPREAD: Duration = Duration::from_millis(1);
@@ -29,6 +27,8 @@ const FAST_PERIOD_MIN: Duration = Duration::from_millis(250);
 #[derive(Debug)]
 pub(super) struct HeartbeatTimer {
     period: Duration,
+    /// See [`Config::landing_period`].
+    landing_period: Duration,
     /// On the master: whether drones change positions.
     is_fast: bool,
     /// `None` before there is a leader, and after the last frame.
@@ -74,6 +74,7 @@ impl HeartbeatTimer {
     pub(super) fn new(config: &Config) -> Self {
         Self {
             period: config.heartbeat_period,
+            landing_period: config.landing_period,
             is_fast: false,
             next: None,
             leaf_interval: config.leaf_interval(),
@@ -157,7 +158,7 @@ impl HeartbeatTimer {
     ) {
         self.forwarded = shared.durable.heartbeats.master;
         let pause = if is_settled_to_land {
-            self.period * LANDING_INTERVAL
+            self.landing_period
         } else if shared.is_master() && self.is_fast && has_lossy_links {
             (self.period / 2).max(FAST_PERIOD_MIN.min(self.period))
         } else if shared.is_master() {

@@ -34,6 +34,7 @@ fn config(id: u32) -> Config {
         drones: 4,
         relays: 1,
         heartbeat_period: Duration::from_secs(1),
+        landing_period: Duration::from_secs(4),
         repair: Duration::from_millis(8),
         repair_max: Duration::from_millis(200),
         link_time_to_live: Duration::from_secs(5),

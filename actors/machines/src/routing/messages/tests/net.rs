@@ -81,6 +81,7 @@ pub(super) fn tree_config(id: u32, drones: u32) -> Config {
         drones,
         relays: 0,
         heartbeat_period: Duration::from_secs(1),
+        landing_period: Duration::from_secs(4),
         repair: Duration::from_millis(8),
         repair_max: Duration::from_millis(200),
         link_time_to_live: Duration::from_secs(5),

@@ -8,6 +8,7 @@ fn config(heartbeat_period: Duration) -> Config {
         drones: 16,
         relays: 0,
         heartbeat_period,
+        landing_period: heartbeat_period * 3,
         repair: Duration::from_millis(8),
         repair_max: Duration::from_millis(200),
         link_time_to_live: Duration::from_secs(5),
@@ -82,19 +83,13 @@ fn master_halves_its_period_on_lossy_links_during_changes() {
 }
 
 #[test]
-fn settled_landing_drone_sends_every_fourth_heartbeat() {
+fn settled_landing_drone_has_a_period_of_its_own() {
     let mut shared = member(1);
     let heartbeat_period = Duration::from_secs(1);
     let waits = spread(&mut shared, heartbeat_period, |timer, shared| {
         timer.record_sent(shared, NOW, (false, true), true);
     });
-    assert_eq!(
-        waits,
-        (
-            heartbeat_period * LANDING_INTERVAL,
-            heartbeat_period * LANDING_INTERVAL
-        )
-    );
+    assert_eq!(waits, (heartbeat_period * 3, heartbeat_period * 3));
 }
 
 #[test]

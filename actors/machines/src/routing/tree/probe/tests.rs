@@ -13,6 +13,7 @@ fn config() -> Config {
         drones: 16,
         relays: 0,
         heartbeat_period: Neighbourhood::HEARTBEAT_PERIOD,
+        landing_period: Neighbourhood::HEARTBEAT_PERIOD * 4,
         repair: REPAIR,
         repair_max: Duration::from_millis(200),
         link_time_to_live: Duration::from_secs(5),

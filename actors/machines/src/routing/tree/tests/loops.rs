@@ -104,6 +104,7 @@ impl Swarm {
             drones: u32::try_from(self.network.drones).unwrap(),
             relays: 0,
             heartbeat_period: HEARTBEAT_PERIOD,
+            landing_period: HEARTBEAT_PERIOD * 4,
             repair: Duration::from_millis(8),
             repair_max: Duration::from_millis(200),
             link_time_to_live: HEARTBEAT_PERIOD * 5,
