@@ -279,7 +279,8 @@ pub struct Protocol {
     /// Period at which a drone repeats what it knows.
     #[schemars(extend("x-default" = "by `parameters`"))]
     pub period_ms: Option<Milliseconds>,
-    /// Period once a drone has been going to land for the time to live, under a master that goes to land, too.
+    /// Period once a drone has been going to land for the time to live, under a master that goes to land, too. With policy `tree`,
+    /// the longest such period of drones that give way to each other.
     #[schemars(extend("x-default" = "by `parameters`"))]
     pub keep_alive_ms: Option<Milliseconds>,
     /// Period of hellos in neighbour discovery.
