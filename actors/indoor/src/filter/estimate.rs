@@ -29,10 +29,7 @@ pub(super) struct Cluster {
 impl Cluster {
     /// Its pose as the only particle.
     pub(super) fn particle(&self) -> Particles {
-        let mut particle = Particles::default();
-        particle.push(self.x as f32, self.y as f32, self.heading_rad as f32);
-        particle.turn();
-        particle
+        Particles::one((self.x as f32, self.y as f32, self.heading_rad as f32))
     }
 }
 

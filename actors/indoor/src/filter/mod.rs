@@ -5,6 +5,7 @@
 //! same bits.
 
 mod bins;
+mod climb;
 mod cone;
 mod config;
 mod estimate;
@@ -29,6 +30,7 @@ use rand_chacha::rand_core::SeedableRng;
 use crate::frames::MapPose;
 use crate::reading::Reading;
 use bins::kld_size;
+use climb::climbed;
 pub use config::{Config, OdomModel, RecoveryAlpha};
 use estimate::{Cluster, Histogram};
 pub use motion::Moved;
@@ -54,7 +56,7 @@ pub struct Estimate {
     pub is_lost: bool,
     /// The share of the particles' weight that is at the pose.
     pub share: f64,
-    /// The share of readings that fit the map at the pose; of the last scan, or of the last few sonars' readings.
+    /// The share of readings that fit the map where they do so best near the pose; of the last scan, or of the last few sonars' readings.
     pub fit: f64,
     /// Particles that were weighed.
     pub particles: usize,
@@ -126,7 +128,8 @@ impl Filter {
         weight::temper(&self.scores, temper_max, &mut self.weights);
         if observation.len() > 0 {
             observation.set_sigma(self.config.sigma_hit, &tables, &self.config);
-            let fit = observation.fit(&cluster.particle(), &tables, &self.config);
+            let best = climbed(cluster.particle(), &observation, &tables);
+            let fit = observation.fit(&best, &tables, &self.config);
             self.recovery.observe(fit, observation.len(), &self.config);
         }
         self.is_searching = cluster.share < SHARE_FOUND;

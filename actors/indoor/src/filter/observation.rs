@@ -83,6 +83,11 @@ impl Observation {
         self.ends.len() + self.cones.len()
     }
 
+    /// Whether there are rays among them.
+    pub(super) const fn has_rays(&self) -> bool {
+        !self.ends.is_empty()
+    }
+
     /// Factor of the logarithm of the likelihood with which all readings together count as `config.observations` independent ones.
     pub(super) fn temper_max(&self, config: &Config) -> f32 {
         (config.observations / self.len().max(1) as f64).min(1.0) as f32

@@ -16,6 +16,14 @@ pub(super) struct Particles {
 }
 
 impl Particles {
+    /// A single one: cells, cells and radians.
+    pub(super) fn one((x, y, heading): (f32, f32, f32)) -> Self {
+        let mut particle = Self::default();
+        particle.push(x, y, heading);
+        particle.turn();
+        particle
+    }
+
     pub(super) fn len(&self) -> usize {
         self.x.len()
     }

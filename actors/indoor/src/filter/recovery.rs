@@ -2,6 +2,9 @@
 
 use super::config::{Config, RecoveryAlpha};
 
+/// The long average counts up to this fit: in the Málaga data half of true poses have less, so less is no sign of a wrong one.
+const LONG_MAX: f64 = 0.97;
+
 /// A slow and a fast average of how well the readings fit.
 ///
 /// Source: augmented MCL; S. Thrun, W. Burgard, D. Fox, *Probabilistic Robotics*, 2005, table 8.3. Deviation: the fit is that of
@@ -29,10 +32,10 @@ impl Recovery {
     }
 
     /// The share of particles that are to be drawn from anywhere; none while the readings fit as they did, or better than
-    /// `fit_found`.
+    /// [`LONG_MAX`] and `fit_found`.
     pub(super) fn elsewhere(&self, fit_found: f64) -> f64 {
         let (long, short) = self.averages.unwrap_or((1.0, 1.0));
-        (1.0 - short / long.max(fit_found)).max(0.0)
+        (1.0 - short / long.min(LONG_MAX).max(fit_found)).max(0.0)
     }
 
     /// The fit of about the last `config.observations` readings; 0 before the first.
