@@ -56,7 +56,8 @@ pub struct Estimate {
     pub is_lost: bool,
     /// The share of the particles' weight that is at the pose.
     pub share: f64,
-    /// The share of readings that fit the map where they do so best near the pose; of the last scan, or of the last few sonars' readings.
+    /// The share of readings that fit the map where they do so best near the pose; of the last scan, or of the last few sonars'
+    /// readings.
     pub fit: f64,
     /// Particles that were weighed.
     pub particles: usize,

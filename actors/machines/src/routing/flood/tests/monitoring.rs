@@ -2,12 +2,18 @@
 
 use super::*;
 
-#[test]
-fn members_get_one_more_time_to_live_after_hop_update() {
+/// A master that starts discovery after 1 s.
+fn discovering_master() -> FloodRouting {
     let mut master = routing(0);
     let input = Input::Lead(MASTER);
     stimulate(&mut master, Timestamp::ZERO, Stimulus::Input(input));
     stimulate(&mut master, at(1.0), Stimulus::Input(Input::Discover));
+    master
+}
+
+#[test]
+fn members_get_one_more_time_to_live_after_hop_update() {
+    let mut master = discovering_master();
     let mut silent_at = None;
     for second in 9..40_u32 {
         let now = at(f64::from(second));
@@ -59,10 +65,7 @@ fn members_silent_before_discovery_are_expected_after_it() {
 
 #[test]
 fn master_hears_a_member_itself_if_its_parent_forwards_nothing() {
-    let mut master = routing(0);
-    let input = Input::Lead(MASTER);
-    stimulate(&mut master, Timestamp::ZERO, Stimulus::Input(input));
-    stimulate(&mut master, at(1.0), Stimulus::Input(Input::Discover));
+    let mut master = discovering_master();
     let mut heard_at = None;
     for second in 9..40_u32 {
         let now = at(f64::from(second));
