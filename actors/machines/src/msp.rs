@@ -75,7 +75,7 @@ pub enum Setpoint {
 /// State of a vehicle.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Telemetry {
-    /// Position; horizontally the last known one.
+    /// Position; without a horizontal one by dead reckoning, or the last known one of a link that has none.
     pub position: Ned,
     /// Time without a horizontal position; `None` if it is known.
     pub position_lost_for: Option<Duration>,

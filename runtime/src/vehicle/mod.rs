@@ -113,21 +113,15 @@ impl Vehicle {
         self.armed
     }
 
-    /// The flight controller's telemetry, in the drone's local frame.
+    /// The flight controller's telemetry, in the drone's local frame. Nothing but its commands moves this vehicle, so without a
+    /// horizontal position its dead reckoning has no error.
     #[must_use]
     pub fn telemetry(&self, now: Timestamp) -> Telemetry {
-        let known = |place: Ned| {
-            let place = match self.lost {
-                Some((lost, _)) => self.motion.position(lost).at_altitude(place.altitude_m()),
-                None => place,
-            };
-            place - self.home
-        };
         Telemetry {
-            position: known(self.motion.position(now)),
+            position: self.motion.position(now) - self.home,
             position_lost_for: self.lost.map(|(lost, _)| now.since(lost)),
             velocity: self.motion.velocity(now).map_or(Velocity::ZERO, Velocity),
-            stop: known(self.motion.stop(now)),
+            stop: self.motion.stop(now) - self.home,
             at_rest: self.motion.is_at_rest(now),
             armed: self.armed,
             landing: self.is_landing,

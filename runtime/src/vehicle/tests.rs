@@ -310,20 +310,15 @@ fn holding_vehicle_ignores_its_pilot_until_yield() {
 }
 
 #[test]
-fn telemetry_without_position_has_the_last_one_and_its_age() {
+fn telemetry_without_position_goes_on_by_dead_reckoning_and_has_its_age() {
     let mut vehicle = hovering();
     vehicle.execute(Timestamp::ZERO, leg(500.0, 30.0));
     vehicle.lose_position(at(10.0), at(25.0));
     vehicle.lose_position(at(12.0), at(15.0));
     vehicle.recover_position(at(15.0));
     let telemetry = vehicle.telemetry(at(20.0));
-    let last = vehicle.motion().position(at(10.0));
     assert_eq!(telemetry.position_lost_for, Some(Duration::from_secs(10)));
-    assert!(close(telemetry.position.north_m(), last.north_m()));
-    assert!(
-        telemetry.position.altitude_m() > last.altitude_m(),
-        "its altitude is known"
-    );
+    assert_eq!(telemetry.position, vehicle.motion().position(at(20.0)));
     vehicle.recover_position(at(25.0));
     let telemetry = vehicle.telemetry(at(20.0));
     assert_eq!(telemetry.position_lost_for, None);

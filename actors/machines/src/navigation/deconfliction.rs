@@ -327,15 +327,23 @@ impl Deconfliction {
         self.next_retry = None;
     }
 
-    /// Whether to land here: the column is clear, or it has waited long enough.
+    /// Whether to land here: the column is clear and none comes down on it, or it has waited long enough.
     pub(super) fn may_descend(&self, now: Timestamp, column: Path) -> bool {
-        self.has_waited(now, LANDING_WAIT_MAX) || self.is_clear(now, column)
+        let is_below_another = self.is_below_another(now, column.from);
+        self.has_waited(now, LANDING_WAIT_MAX) || self.is_clear(now, column) && !is_below_another
     }
 
-    /// Landing place beside traffic that stays below.
+    fn is_below_another(&self, now: Timestamp, here: Ned) -> bool {
+        let traffic = self.traffic.as_ref();
+        traffic.is_some_and(|it| it.is_below_another(now, here))
+    }
+
+    /// Landing place beside traffic that stays below, or at once beside one that comes down here.
     pub(super) fn landing_detour(&self, now: Timestamp, column: Path) -> Option<Ned> {
         let traffic = self.traffic.as_ref()?;
-        self.has_waited(now, DETOUR_AFTER).then(|| {
+        let is_due =
+            self.has_waited(now, DETOUR_AFTER) || traffic.is_below_another(now, column.from);
+        is_due.then(|| {
             traffic.landing_detour(now, column, |side| self.keeps_inside(column.from, side))
         })?
     }

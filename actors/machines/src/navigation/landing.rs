@@ -27,8 +27,8 @@ impl Navigation {
         is_urgent || self.deconfliction.may_descend(now, column)
     }
 
-    /// Holds above the traffic below, or flies to a clear landing place beside it; without a position it flies nowhere. If
-    /// there is no such place it announces the descent, so that those below make room.
+    /// Holds above the traffic below, or flies to a clear landing place beside it. If there is no such place, or without a
+    /// position, it announces the descent, so that those below make room.
     fn wait_to_descend(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) {
         let may_fly = !self.health.is_position_lost();
         let deconfliction = &mut self.deconfliction;
@@ -44,7 +44,7 @@ impl Navigation {
                 self.command(FlightCommand::Fly(leg));
             }
             None if is_on_detour => _ = deconfliction.wait(now),
-            None if telemetry.at_rest && deconfliction.has_waited_for_detour(now) => {
+            None if telemetry.at_rest && (!may_fly || deconfliction.has_waited_for_detour(now)) => {
                 deconfliction.wait(now);
                 self.announce_descent(now, telemetry);
             }

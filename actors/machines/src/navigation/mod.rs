@@ -201,6 +201,10 @@ impl Navigation {
                 self.hold_commanded_m = Some(altitude_m);
                 self.hold(now, telemetry, altitude_m);
             }
+            if telemetry.at_rest && matches!(self.durable.goal, Some(Goal::TransitTo { .. })) {
+                // On its way to land others may land below it, and it may come down on them.
+                self.announce_descent(now, telemetry);
+            }
         }
         for failure in report.failures {
             if failure == Failure::Geofence {

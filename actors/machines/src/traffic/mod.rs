@@ -192,15 +192,7 @@ impl Traffic {
         here: Ned,
         may_fly_to: impl Fn(Ned) -> bool,
     ) -> Option<Ned> {
-        // One that is heard and doesn't land stays up. That is nearly always so, and this is asked with each telemetry.
-        let mut others = self.others.values();
-        if others.all(|(intent, at)| !intent.lands() && !self.is_silent(now, *at)) {
-            return None;
-        }
-        let is_below_another = self.occupied(now, here).any(|(id, space)| {
-            self.comes_down(id, &space) && self.is_near(&space, Path::stationary(here))
-        });
-        if !is_below_another || here.altitude_m() < GROUND_ALTITUDE_M {
+        if !self.is_below_another(now, here) {
             return None;
         }
         self.detour_points(here, Vector2::x()).find(|side| {
@@ -208,6 +200,19 @@ impl Traffic {
             may_fly_to(*side)
                 && self.is_clear(now, Path::new(here, *side))
                 && self.occupied(now, here).all(|(_, it)| is_free(&it))
+        })
+    }
+
+    /// Whether another drone may come down on one that is here. On the ground none does.
+    pub(crate) fn is_below_another(&self, now: Timestamp, here: Ned) -> bool {
+        // One that is heard and doesn't land stays up. That is nearly always so, and this is asked with each telemetry.
+        let mut others = self.others.values();
+        let all_stay_up = others.all(|(intent, at)| !intent.lands() && !self.is_silent(now, *at));
+        if all_stay_up || here.altitude_m() < GROUND_ALTITUDE_M {
+            return false;
+        }
+        self.occupied(now, here).any(|(id, space)| {
+            self.comes_down(id, &space) && self.is_near(&space, Path::stationary(here))
         })
     }
 

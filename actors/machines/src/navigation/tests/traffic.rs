@@ -1,5 +1,6 @@
 //! Deconfliction with other drones.
 
+mod landing;
 mod room;
 
 use std::sync::Arc;
@@ -379,108 +380,4 @@ fn progress_on_a_leg_is_announced_in_regular_frames() {
     let path = Path { from: start, to };
     let output = handle_at(&mut navigation, later, Input::Telemetry(half_way));
     assert_eq!(output, [announces(Intent::of(path, 0.5, false), false)]);
-}
-
-const LANDING: Ned = Ned::new(0.0, 0.0, -25.0);
-const BELOW: Ned = Ned::new(0.0, 1.0, -10.0);
-
-/// A drone that waits to land at [`LANDING`] above drone 2 at [`BELOW`].
-fn waiting_to_land() -> Navigation {
-    let mut navigation = avoiding();
-    traffic(&mut navigation, 2, BELOW, BELOW);
-    handle(&mut navigation, Input::Goal(Goal::Land));
-    let output = handle(&mut navigation, at_rest_at(LANDING));
-    assert!(!lands(&output));
-    navigation
-}
-
-fn lands(output: &[Transmit]) -> bool {
-    output.contains(&Transmit::FlightCommand(FlightCommand::Land))
-}
-
-/// Drone 2 is still at [`BELOW`].
-fn still_below(navigation: &mut Navigation, now: Timestamp) {
-    let path = Path {
-        from: BELOW,
-        to: BELOW,
-    };
-    let input = Input::Traffic {
-        sender: NodeId(2),
-        intent: Some(Intent::of(path, 0.0, false)),
-    };
-    handle_at(navigation, now, input);
-}
-
-#[test]
-fn drone_lands_once_the_column_below_is_clear() {
-    let mut navigation = waiting_to_land();
-    let far = Ned::new(0.0, 90.0, -10.0);
-    traffic(&mut navigation, 2, BELOW, far);
-    traffic(&mut navigation, 2, far, far);
-    assert!(lands(&handle(&mut navigation, at_rest_at(LANDING))));
-}
-
-#[test]
-fn drone_lands_beside_traffic_that_stays_below() {
-    let mut navigation = waiting_to_land();
-    let detour_at = Timestamp::ZERO + DETOUR_AFTER;
-    still_below(&mut navigation, detour_at);
-    let output = handle_at(&mut navigation, detour_at, at_rest_at(LANDING));
-    let side = leg(&output[1..]).0;
-    assert!(side.horizontal_distance_m(LANDING) > 10.0);
-    let output = handle_at(&mut navigation, detour_at, at_rest_at(side));
-    assert!(lands(&output));
-}
-
-#[test]
-fn drone_lands_after_the_longest_wait() {
-    let mut navigation = waiting_to_land();
-    let latest = Timestamp::ZERO + LANDING_WAIT_MAX;
-    still_below(&mut navigation, latest);
-    let output = handle_at(&mut navigation, latest, at_rest_at(LANDING));
-    assert!(lands(&output));
-}
-
-#[test]
-fn drone_without_position_waits_to_land_and_flies_nowhere() {
-    let mut navigation = avoiding();
-    traffic(&mut navigation, 2, BELOW, BELOW);
-    let lost = || {
-        let Input::Telemetry(at_rest) = at_rest_at(LANDING) else {
-            panic!("it is telemetry");
-        };
-        Input::Telemetry(Telemetry {
-            position_lost_for: Some(Duration::from_secs(31)),
-            ..at_rest
-        })
-    };
-    handle(&mut navigation, lost());
-    handle(&mut navigation, Input::Goal(Goal::Land));
-    assert!(!lands(&handle(&mut navigation, lost())));
-    let detour_at = Timestamp::ZERO + DETOUR_AFTER;
-    still_below(&mut navigation, detour_at);
-    let descent = Path::new(LANDING, LANDING.at_altitude(0.0));
-    let announced = announces(Intent::of(descent, 0.0, true), true);
-    assert_eq!(
-        handle_at(&mut navigation, detour_at, lost()),
-        [announced],
-        "those below may make room"
-    );
-    let latest = Timestamp::ZERO + LANDING_WAIT_MAX;
-    still_below(&mut navigation, latest);
-    assert!(lands(&handle_at(&mut navigation, latest, lost())));
-}
-
-#[test]
-fn drone_with_critical_battery_lands_immediately() {
-    let mut navigation = waiting_to_land();
-    let Input::Telemetry(charged) = at_rest_at(LANDING) else {
-        panic!("it is telemetry");
-    };
-    let critical = Telemetry {
-        charge: 0.05,
-        ..charged
-    };
-    let output = handle(&mut navigation, Input::Telemetry(critical));
-    assert!(lands(&output));
 }

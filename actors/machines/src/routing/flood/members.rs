@@ -105,10 +105,10 @@ impl Members {
         silent
     }
 
-    /// Restarts the silence timeout of all members.
+    /// Restarts the silence timeout of all members. One that ends later anyway stays.
     pub(super) fn reset_timeouts(&mut self, now: Timestamp) {
         for record in self.0.iter_mut() {
-            record.rose_at = now;
+            record.rose_at = record.rose_at.max(now);
         }
     }
 

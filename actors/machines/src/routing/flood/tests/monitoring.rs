@@ -11,23 +11,34 @@ fn discovering_master() -> FloodRouting {
     master
 }
 
+/// The second after `from` at which a master first reports silent members.
+fn first_silence_s(master: &mut FloodRouting, from: u32) -> Option<u32> {
+    (from..40).find(|second| {
+        let sent = wait(master, at(f64::from(*second))).notices;
+        sent.iter().any(|it| matches!(it, Notice::Silent(_)))
+    })
+}
+
 #[test]
 fn members_get_one_more_time_to_live_after_hop_update() {
-    let mut master = discovering_master();
-    let mut silent_at = None;
-    for second in 9..40_u32 {
-        let now = at(f64::from(second));
-        let sent = wait(&mut master, now).notices;
-        if sent
-            .iter()
-            .any(|notice| matches!(notice, Notice::Silent(_)))
-        {
-            silent_at = Some(second);
-            break;
-        }
-    }
     // The master's routes are up at once, because it has heard no neighbour.
-    assert_eq!(silent_at, Some(9 + 5 + 5 + 1));
+    assert_eq!(
+        first_silence_s(&mut discovering_master(), 9),
+        Some(9 + 5 + 5 + 1)
+    );
+}
+
+#[test]
+fn dropped_routes_leave_members_the_time_for_their_hop_update() {
+    let mut master = discovering_master();
+    let sent = wait(&mut master, at(9.5)).notices;
+    assert!(sent.contains(&Notice::RoutesReady), "{sent:?}");
+    stimulate(
+        &mut master,
+        at(9.5),
+        Stimulus::Input(Input::TopologyChanges),
+    );
+    assert_eq!(first_silence_s(&mut master, 10), Some(9 + 5 + 5 + 1));
 }
 
 #[test]
