@@ -275,7 +275,8 @@ impl Traffic {
     /// Drones too near the remaining path, or on a path that comes too near it.
     ///
     /// Excludes drones on parallel paths, which keep their distance. Excludes drones too near the start, because
-    /// waiting there does not help. A drone that flies past is excluded only if it is too near despite rounding.
+    /// waiting there does not help. A drone that flies past is excluded only if it is too near despite rounding, one that
+    /// brakes only if it comes to rest there.
     fn blocking(
         &self,
         now: Timestamp,
@@ -299,10 +300,18 @@ impl Traffic {
                     && self.others[id].0.is_following();
                 let is_near_here = match space.precedence {
                     Precedence::Leg => space.is_near(here, self.separation_plus(-ROUNDING_M)),
+                    Precedence::Priority if self.brakes(*id) => {
+                        self.is_near(&OccupiedSpace::at(space.path.to), here)
+                    }
                     _ => self.is_near(space, here),
                 };
                 !is_parallel && !is_in_lockstep && self.is_near(space, remaining) && !is_near_here
             })
+    }
+
+    /// Whether a drone with priority brakes: it neither lands nor follows a master.
+    fn brakes(&self, id: NodeId) -> bool {
+        !self.config.has_followers && !self.others[&id].0.lands()
     }
 
     fn is_near(&self, space: &OccupiedSpace, path: Path) -> bool {

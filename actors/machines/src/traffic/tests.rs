@@ -302,6 +302,27 @@ fn only_a_drone_in_lockstep_flies_among_followers() {
 }
 
 #[test]
+fn drone_brakes_behind_one_that_brakes_though_it_comes_to_rest_on_its_path() {
+    let config = Config {
+        has_followers: false,
+        ..CONFIG
+    };
+    let mut known = Traffic::new(NodeId(5), config);
+    let braking = path(at(126.0, 0.0, 80.0), at(176.0, 0.0, 80.0));
+    known.update(
+        seconds(0.0),
+        NodeId(9),
+        Some(Intent::of(braking, 0.0, true)),
+    );
+    let gives_way = |stop_m| {
+        let rest = path(at(stop_m, 0.0, 80.0), at(400.0, 0.0, 80.0));
+        known.must_give_way(seconds(0.1), rest, rest)
+    };
+    assert!(gives_way(136.0));
+    assert!(!gives_way(173.0), "braking brings it too near anyway");
+}
+
+#[test]
 fn space_below_a_silent_drone_is_blocked_until_it_is_down() {
     let leg = path(at(0.0, 0.0, 12.0), at(160.0, 0.0, 12.0));
     let above = path(at(0.0, 0.0, 40.0), at(160.0, 0.0, 40.0));
