@@ -4,7 +4,7 @@ use clap::Args;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::mission_file;
 use muster_runtime::text::plural;
-use muster_scenarios::scenario;
+use muster_scenarios::scenario::{self, Override};
 
 use super::{Failure, Outcome, describe_each};
 
@@ -17,18 +17,22 @@ use super::{Failure, Outcome, describe_each};
 #[command(after_help = "Examples:
   muster check thesis-2 river
   muster check --explain thesis-2
+  muster check thesis-2 --set formation.drones=25
   muster check scenarios/thesis-*.toml scenarios/missions/*")]
 pub(crate) struct Arguments {
     /// Scenario files (.toml) and mission files (.plan, .waypoints, .kml), or names of shipped ones (`muster list`).
     #[arg(required = true, value_name = "FILE")]
     files: Vec<PathBuf>,
+    /// Set a field of each scenario, for example radio.range_m=250; may be repeated. A path starts at the current folder.
+    #[arg(long = "set", value_name = "KEY=VALUE")]
+    overrides: Vec<Override>,
     /// Also show separation by phase, exposures, the time to re-elect, altitude layers and notes
     #[arg(long)]
     explain: bool,
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    describe_each(&arguments.files, |file| describe(file, arguments.explain))
+    describe_each(&arguments.files, |file| describe(file, arguments))
 }
 
 /// The verdict on a file, and the lines that explain it.
@@ -38,19 +42,24 @@ struct Checked {
     notes: Vec<String>,
 }
 
-fn describe(file: &Path, explain: bool) -> Result<String, BadInput> {
+fn describe(file: &Path, arguments: &Arguments) -> Result<String, BadInput> {
+    let overrides = &arguments.overrides;
     let is_file_of_scenario = file.extension().is_some_and(|it| it == "toml");
     let checked = if is_file_of_scenario || scenario::is_shipped(file) {
-        check_scenario(file)?
-    } else {
+        check_scenario(file, overrides)?
+    } else if overrides.is_empty() {
         check_mission(file)?
+    } else {
+        let help = "leave out --set, or check a scenario";
+        let message = "is a mission, and --set sets fields of scenarios";
+        return Err(BadInput::without_excerpt(file, message, help));
     };
     let Checked {
         mut verdict,
         lines,
         notes,
     } = checked;
-    if explain {
+    if arguments.explain {
         let notes = notes.iter().map(|note| format!("note: {note}"));
         for line in lines.into_iter().chain(notes) {
             verdict.push_str("\n  ");
@@ -62,8 +71,8 @@ fn describe(file: &Path, explain: bool) -> Result<String, BadInput> {
     Ok(verdict)
 }
 
-fn check_scenario(file: &Path) -> Result<Checked, BadInput> {
-    let scenario = scenario::load(file, &[])?;
+fn check_scenario(file: &Path, overrides: &[Override]) -> Result<Checked, BadInput> {
+    let scenario = scenario::load(file, overrides)?;
     let mut notes = scenario.plan.notes.clone();
     for (swarm, _) in &scenario.others {
         let of_swarm = |note: &String| format!("{}: {note}", swarm.name);

@@ -48,6 +48,25 @@ fn check_prints_the_verdict_first_and_the_rest_on_request() {
 }
 
 #[test]
+fn check_sets_fields_of_scenarios_and_refuses_them_for_missions() {
+    let check = |arguments: &[&str]| {
+        let run = muster(Path::new(ROOT))
+            .arg("check")
+            .args(arguments)
+            .assert();
+        let output = run.get_output().clone();
+        let text = [output.stdout, output.stderr].concat();
+        (output.status.code(), String::from_utf8(text).unwrap())
+    };
+    let (code, text) = check(&["thesis-2", "--set", "formation.drones=25"]);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("OK: 25 drones, about "), "{text}");
+    let (code, text) = check(&["river", "--set", "formation.drones=25"]);
+    assert_eq!(code, Some(2), "{text}");
+    assert!(text.contains("leave out --set"), "{text}");
+}
+
+#[test]
 fn swarm_that_is_not_connected_is_reported_and_does_not_complete_its_mission() {
     let folder = tempfile::tempdir().unwrap();
     let apart = folder.path().join("apart.toml");
