@@ -12,7 +12,7 @@ use crate::path::Floor;
 use crate::reading::Echo;
 
 /// A room of 4 × 3 m.
-fn config() -> Config {
+pub(super) fn config() -> Config {
     room((80, 60), MapPose::new(1.0, 1.5, 0.0), 1.0)
 }
 
