@@ -61,6 +61,19 @@ fn drone_makes_room_for_a_person_at_a_door() {
     }
 }
 
+/// Remembering people who have gone, they take 1.6 to 1.9 times as long as without noise.
+#[test]
+fn drone_flies_on_where_a_person_has_gone() {
+    for (name, seed) in [("flat", 587), ("ell", 87), ("corridor", 52)] {
+        let prepared = prepared(name);
+        let exact = engine::run(&prepared, Setup::exact(seed));
+        let outcome = engine::run(&prepared, Setup::seeded(seed));
+        check_safe(&outcome, name);
+        let times = outcome.time.as_secs_f64() / exact.time.as_secs_f64();
+        assert!(times <= TIMES_MAX, "{name}, seed {seed}: {times}");
+    }
+}
+
 /// The person stands in a corner of its walk, from where both ways lead closer to the drone, and the drone beside a wall, from where
 /// only a way back leads. Without making room it takes 27 times as long, and 44 stops are given up.
 #[test]

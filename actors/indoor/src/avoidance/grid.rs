@@ -12,8 +12,11 @@ const OWN: usize = SIDE * SIDE / 2;
 pub const CERTAINTY_MAX: u8 = 15;
 /// What an echo adds to a cell (same source).
 const RAISE: u8 = 3;
-/// What an echo from farther away takes from a cell (same source).
-const LOWER: u8 = 1;
+/// What an echo from farther away takes from a cell. The same source takes 1 from the cells on the axis only: then who walks on
+/// blocks the way for up to 7 s.
+const LOWER: u8 = 3;
+/// What time takes from a cell.
+const FADE: u8 = 1;
 
 /// Certainties of obstacles around the drone, in a frame whose axes don't turn with the drone.
 ///
@@ -70,29 +73,29 @@ impl CertaintyGrid {
         }
     }
 
-    /// Lowers the cells from the drone along a bearing, up to `to_m` without the cell there: an echo came from behind them.
-    pub fn lower_along(&mut self, bearing_rad: f64, to_m: f64) {
+    /// Lowers the cells in a cone around a bearing that are nearer than `to_m`: an echo came from behind them. A sonar hears what
+    /// is nearest in its cone, so nothing is left there. Cells at the echo's own distance stay.
+    pub fn lower_cone(&mut self, (bearing_rad, aperture_rad): (f64, f64), to_m: f64) {
         let (cos, sin) = (libm::cos(bearing_rad), libm::sin(bearing_rad));
-        let mut last = None;
-        let mut distance_m = CELL_M;
-        while distance_m < to_m - CELL_M {
-            let column = (distance_m * cos / CELL_M).round() as i64;
-            let row = (distance_m * sin / CELL_M).round() as i64;
-            let Some(index) = index_of(column, row) else {
-                return;
-            };
-            if last != Some(index) {
-                self.cells[index] = self.cells[index].saturating_sub(LOWER);
-                last = Some(index);
+        let cos_edge = libm::cos(aperture_rad / 2.0);
+        let mut nearer = Vec::new();
+        self.visit_near(to_m, |index, _| {
+            let (x_m, y_m) = offset_m(index);
+            let distance_m = libm::hypot(x_m, y_m);
+            let is_inside = x_m * cos + y_m * sin >= cos_edge * distance_m;
+            if is_inside && distance_m < to_m - CELL_M {
+                nearer.push(index);
             }
-            distance_m += CELL_M / 2.0;
+        });
+        for index in nearer {
+            self.cells[index] = self.cells[index].saturating_sub(LOWER);
         }
     }
 
     /// Lowers all cells by one: what was not heard again may have gone.
     pub fn fade(&mut self) {
         for cell in &mut self.cells {
-            *cell = cell.saturating_sub(LOWER);
+            *cell = cell.saturating_sub(FADE);
         }
     }
 
@@ -187,15 +190,21 @@ mod tests {
     }
 
     #[test]
-    fn an_echo_raises_one_cell_and_lowers_those_before_it() {
+    fn an_echo_raises_one_cell_and_lowers_those_before_it_in_its_cone() {
         let mut grid = CertaintyGrid::new((0.025, 0.025));
         for _ in 0..10 {
             grid.raise((1.025, 0.025));
         }
         assert_eq!(grid.certainty((1.025, 0.025)), CERTAINTY_MAX);
-        grid.lower_along(0.0, 1.0);
-        assert_eq!(grid.certainty((1.025, 0.025)), CERTAINTY_MAX);
-        grid.lower_along(0.0, 1.5);
-        assert_eq!(grid.certainty((1.025, 0.025)), CERTAINTY_MAX - LOWER);
+        let lowered = |grid: &CertaintyGrid| CERTAINTY_MAX - grid.certainty((1.025, 0.025));
+        for (bearing_rad, aperture_rad, to_m, after) in [
+            (0.0, 0.5, 1.0, 0),
+            (0.0, 0.5, 1.5, 1),
+            (0.6, 0.5, 1.5, 1),
+            (0.2, 0.5, 1.5, 2),
+        ] {
+            grid.lower_cone((bearing_rad, aperture_rad), to_m);
+            assert_eq!(lowered(&grid), after * LOWER, "{bearing_rad}, {to_m}");
+        }
     }
 }

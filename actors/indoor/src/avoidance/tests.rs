@@ -151,8 +151,8 @@ fn hysteresis_keeps_a_sector_blocked_while_its_density_falls_a_little() {
     }
     assert!(raised > 1, "one echo blocks");
     let certainty = grid.certainty(at);
-    grid.lower_along(0.0, 1.7);
-    grid.lower_along(0.0, 1.7);
+    grid.fade();
+    grid.fade();
     assert!(grid.certainty(at) < certainty);
     assert!(is_blocked(&mut vfh, &grid));
     assert!(!is_blocked(&mut VfhPlus::new(LIMITS), &grid));

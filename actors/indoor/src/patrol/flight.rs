@@ -88,7 +88,8 @@ impl Flight {
         }
     }
 
-    /// Raises the cell on the axis that an echo came from, unless it came from a wall of the map, and lowers those before it.
+    /// Raises the cell on the axis that an echo came from, unless it came from a wall of the map, and lowers those before it in its
+    /// cone.
     fn mark(&mut self, config: &Config, place: &Place, reading: &Reading) {
         let mounting = &reading.mounting;
         let now = place.odometry();
@@ -98,7 +99,8 @@ impl Flight {
             Echo::Silence => mounting.range_max_m,
             Echo::Failed => return,
         };
-        self.found.lower_along(axis_rad, range_m);
+        self.found
+            .lower_cone((axis_rad, mounting.aperture_rad), range_m);
         let expected = expected_m(config.floor.map(), place.pose(), mounting);
         let is_known = expected.is_some_and(|wall_m| range_m > wall_m - UNKNOWN_M);
         if matches!(reading.echo, Echo::At(_)) && !is_known {

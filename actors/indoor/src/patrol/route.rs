@@ -80,6 +80,8 @@ enum Phase {
 #[derive(Debug)]
 struct Stop {
     at: MapXy,
+    /// Its place in the tour. What is added on the way takes that of the stop before which it comes.
+    turn: usize,
     tries: u32,
 }
 
@@ -108,7 +110,12 @@ pub(super) struct Route {
 
 impl Route {
     pub(super) fn new(config: &Config) -> Self {
-        let stops = config.stops.iter().map(|at| Stop { at: *at, tries: 0 });
+        let stops = config.stops.iter().enumerate();
+        let stops = stops.map(|(turn, at)| Stop {
+            at: *at,
+            turn,
+            tries: 0,
+        });
         Self {
             stops: stops.collect(),
             passed_over: 0,
@@ -166,7 +173,7 @@ impl Route {
                 *left_rad -= turned.abs();
                 if *left_rad <= 0.0 || adds(config, pose, seen) == 0 {
                     // What isn't seen from here is not tried again.
-                    if let Some(stop) = self.stops.pop_front() {
+                    if let Some(stop) = self.leave() {
                         let (map, view) = (config.floor.map(), config.view.all_round());
                         let targets = config.places.targets();
                         targets.look(map, at(stop.at), view, &mut self.tried);
@@ -185,10 +192,12 @@ impl Route {
         }
     }
 
-    /// Notes the place for a flight back.
+    /// Notes the place for a flight back. Where the drone has been before, what it flew since leads nowhere and is forgotten.
     fn note(&mut self, at: MapXy) {
-        let newest = self.came_by.front();
-        if newest.is_none_or(|it| it.distance_m(at) > NOTED_EVERY_M) {
+        let is_here = |it: &MapXy| it.distance_m(at) <= NOTED_EVERY_M;
+        if let Some(before) = self.came_by.iter().rposition(is_here) {
+            self.came_by.drain(..before);
+        } else {
             self.came_by.push_front(at);
             self.came_by.truncate(NOTED_MAX);
         }
@@ -248,6 +257,7 @@ impl Route {
             self.extra += 1;
             self.stops.push_front(Stop {
                 at: place,
+                turn: self.stops.front().map_or(0, |next| next.turn),
                 tries: 0,
             });
         }
@@ -272,6 +282,14 @@ impl Route {
         let (place, _) = config.places.best(&planned, pose.at)?;
         let is_near = next_m.is_none_or(|next_m| place.distance_m(pose.at) < next_m);
         (is_near && self.extra < EXTRA_MAX).then_some(place)
+    }
+
+    /// Takes the present stop from the tour. Those that were passed over come next again: who was in the way may have gone, and
+    /// they are nearer now than after the rest of the tour.
+    fn leave(&mut self) -> Option<Stop> {
+        let stop = self.stops.pop_front();
+        self.stops.make_contiguous().sort_by_key(|stop| stop.turn);
+        stop
     }
 
     fn search(&mut self, now: Timestamp, config: &Config, pose: MapPose) -> Order {
@@ -300,7 +318,7 @@ impl Route {
             return Order::Look;
         }
         if adds(config, self::at(stop.at), seen) == 0 {
-            self.stops.pop_front();
+            self.leave();
             self.phase = Phase::Choosing;
             return Order::Wait;
         }
@@ -447,4 +465,20 @@ fn point_at(path: &[MapXy], (leg, along_m): (usize, f64), ahead_m: f64) -> MapXy
         left_m -= length_m;
     }
     path[path.len() - 1]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::patrol::tests::config;
+
+    #[test]
+    fn way_back_has_no_loops() {
+        let mut route = Route::new(&config());
+        for x_m in [0.0, 0.4, 0.8, 1.2, 1.6, 1.2, 1.6, 1.9, 1.2] {
+            route.note(MapXy::new(x_m, 1.0));
+        }
+        let back: Vec<f64> = route.came_by.iter().map(|it| it.x_m).collect();
+        assert_eq!(back, [1.2, 0.8, 0.4, 0.0]);
+    }
 }

@@ -17,8 +17,9 @@ const DEAD_AFTER: Duration = Duration::from_millis(800);
 const SIGNS_MAX: u32 = 6;
 /// Echoes after the last sign of a fault that make a failed sonar be believed again: 3 s at 8 Hz.
 const ECHOES_MIN: u32 = 24;
-/// After so long without an echo, silence of a sonar is no free way: less than the 2 s within which a fault must be found.
-const ECHO_HOLDS: Duration = Duration::from_millis(1_500);
+/// After so long without an echo, silence of a sonar is no free way: the drone turns. The turn to a wall and [`SIGNS_MAX`] readings
+/// take the rest of the 2 s within which a fault must be found.
+const ECHO_HOLDS: Duration = Duration::from_millis(1_200);
 /// Echoes from nearer than this are stuck if the map has nothing there, in metres.
 const TOUCHING_M: f64 = 0.1;
 /// Share of the cone, about its axis, in which a wall must echo: at its edges the pose decides.

@@ -12,7 +12,7 @@ use crate::path::Floor;
 use crate::reading::Echo;
 
 /// A room of 4 × 3 m.
-fn config() -> Config {
+pub(super) fn config() -> Config {
     room((80, 60), MapPose::new(1.0, 1.5, 0.0), 1.0)
 }
 
@@ -197,6 +197,24 @@ fn failing_sonars_are_found_within_two_seconds() {
             assert_eq!(bench.faults(), [change], "{fault:?}");
         }
     }
+}
+
+/// Along a corridor the walls are at the edge of the cone, where an echo may stay away. The drone stops and turns to a wall.
+#[test]
+fn sonar_that_grows_deaf_along_a_corridor_is_found_within_two_seconds() {
+    let mut bench = Bench::new(&room((200, 26), MapPose::new(1.0, 0.65, 0.0), 4.0));
+    while bench.pose.at.x_m < 3.0 {
+        bench.step(|_, echo| Some(echo));
+        assert!(bench.steps < 1_000);
+    }
+    for _ in 0..20 {
+        bench.step(|place, echo| Some(if place == 2 { Echo::Silence } else { echo }));
+    }
+    let change = SonarChange {
+        sonar: 2,
+        fault: Some(Fault::Deaf),
+    };
+    assert_eq!(bench.faults(), [change]);
 }
 
 #[test]
