@@ -30,18 +30,24 @@ fn check_safe(outcome: &Outcome, what: &str) {
     assert_eq!(outcome.blind_motions, 0, "{what}");
 }
 
+/// Flies a patrol that is safe and keeps its time.
+fn check_patrol(prepared: &Prepared, what: &str, seed: u64) -> Outcome {
+    let exact = engine::run(prepared, Setup::exact(seed));
+    let outcome = engine::run(prepared, Setup::seeded(seed));
+    check_safe(&outcome, what);
+    let times = outcome.time.as_secs_f64() / exact.time.as_secs_f64();
+    assert!(times <= TIMES_MAX, "{what}: {times}");
+    outcome
+}
+
 #[test]
 fn patrols_of_all_flats_touch_nothing_see_all_and_keep_their_time_and_their_pose() {
     for (name, _) in shipped() {
         let prepared = prepared(name);
         for seed in 0..2 {
             let what = format!("{name}, seed {seed}");
-            let exact = engine::run(&prepared, Setup::exact(seed));
-            let outcome = engine::run(&prepared, Setup::seeded(seed));
-            check_safe(&outcome, &what);
+            let outcome = check_patrol(&prepared, &what, seed);
             assert!(outcome.seen() >= SEEN_MIN, "{what}: {}", outcome.seen());
-            let times = outcome.time.as_secs_f64() / exact.time.as_secs_f64();
-            assert!(times <= TIMES_MAX, "{what}: {times}");
             let error_m = outcome.track.error_m(0.95);
             assert!(error_m <= ERROR_P95_M, "{what}: {error_m}");
         }
@@ -52,12 +58,7 @@ fn patrols_of_all_flats_touch_nothing_see_all_and_keep_their_time_and_their_pose
 #[test]
 fn drone_makes_room_for_a_person_at_a_door() {
     for (name, seed) in [("ell", 28), ("ell", 61), ("flat", 866)] {
-        let prepared = prepared(name);
-        let exact = engine::run(&prepared, Setup::exact(seed));
-        let outcome = engine::run(&prepared, Setup::seeded(seed));
-        check_safe(&outcome, name);
-        let times = outcome.time.as_secs_f64() / exact.time.as_secs_f64();
-        assert!(times <= TIMES_MAX, "{name}, seed {seed}: {times}");
+        check_patrol(&prepared(name), &format!("{name}, seed {seed}"), seed);
     }
 }
 
@@ -65,12 +66,7 @@ fn drone_makes_room_for_a_person_at_a_door() {
 #[test]
 fn drone_flies_on_where_a_person_has_gone() {
     for (name, seed) in [("flat", 587), ("ell", 87), ("corridor", 52)] {
-        let prepared = prepared(name);
-        let exact = engine::run(&prepared, Setup::exact(seed));
-        let outcome = engine::run(&prepared, Setup::seeded(seed));
-        check_safe(&outcome, name);
-        let times = outcome.time.as_secs_f64() / exact.time.as_secs_f64();
-        assert!(times <= TIMES_MAX, "{name}, seed {seed}: {times}");
+        check_patrol(&prepared(name), &format!("{name}, seed {seed}"), seed);
     }
 }
 

@@ -341,8 +341,7 @@ impl Deconfliction {
     /// Landing place beside traffic that stays below, or at once beside one that comes down here.
     pub(super) fn landing_detour(&self, now: Timestamp, column: Path) -> Option<Ned> {
         let traffic = self.traffic.as_ref()?;
-        let is_due =
-            self.has_waited(now, DETOUR_AFTER) || traffic.is_below_another(now, column.from);
+        let is_due = self.has_waited(now, DETOUR_AFTER) || self.is_below_another(now, column.from);
         is_due.then(|| {
             traffic.landing_detour(now, column, |side| self.keeps_inside(column.from, side))
         })?

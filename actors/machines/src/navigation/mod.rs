@@ -202,7 +202,7 @@ impl Navigation {
                 self.hold(now, telemetry, altitude_m);
             }
             if telemetry.at_rest && matches!(self.durable.goal, Some(Goal::TransitTo { .. })) {
-                // On its way to land others may land below it, and it may come down on them.
+                // Out of lockstep and on the way to land others may land below it, and it may come down on them.
                 self.announce_descent(now, telemetry);
             }
         }

@@ -27,8 +27,11 @@ fn without_position(place: Ned, seconds: u64) -> Input {
 }
 
 fn announces_descent(from: Ned) -> Transmit {
-    let descent = Path::new(from, from.at_altitude(0.0));
-    announces(Intent::of(descent, 0.0, true), true)
+    announces(descent(from), true)
+}
+
+fn descent(from: Ned) -> Intent {
+    Intent::of(Path::new(from, from.at_altitude(0.0)), 0.0, true)
 }
 
 fn lands(output: &[Transmit]) -> bool {
@@ -70,6 +73,21 @@ fn drone_lands_beside_traffic_that_stays_below() {
 }
 
 #[test]
+fn drone_to_land_below_one_that_comes_down_flies_aside_first() {
+    let mut navigation = avoiding();
+    let above = Input::Traffic {
+        sender: NodeId(2),
+        intent: Some(descent(Ned::new(0.0, 1.0, -40.0))),
+    };
+    handle(&mut navigation, above);
+    handle(&mut navigation, Input::Goal(Goal::Land));
+    let output = handle(&mut navigation, at_rest_at(LANDING));
+    let side = leg(&output[1..]).0;
+    assert!(side.horizontal_distance_m(LANDING) > 10.0);
+    assert!(lands(&handle(&mut navigation, at_rest_at(side))));
+}
+
+#[test]
 fn drone_lands_after_the_longest_wait() {
     let mut navigation = waiting_to_land();
     let latest = Timestamp::ZERO + LANDING_WAIT_MAX;
@@ -93,7 +111,10 @@ fn drone_without_position_waits_to_land_and_flies_nowhere() {
     );
     let detour_at = Timestamp::ZERO + DETOUR_AFTER;
     still_below(&mut navigation, detour_at);
-    assert!(!lands(&handle_at(&mut navigation, detour_at, lost())));
+    assert_eq!(
+        handle_at(&mut navigation, detour_at, lost()),
+        [announces(descent(LANDING), false)]
+    );
     let latest = Timestamp::ZERO + LANDING_WAIT_MAX;
     still_below(&mut navigation, latest);
     assert!(lands(&handle_at(&mut navigation, latest, lost())));
