@@ -1,23 +1,32 @@
 //! Vertical deconfliction of drones that cross: altitude layers if they fit below the ceiling, waves otherwise.
 
 use std::collections::BTreeMap;
+use std::time::Duration;
 
 use crate::diagnostic::BadInput;
-use muster_machines::formation::{Change, Layering, Layout, Separation};
+use muster_machines::formation::{
+    Change, FlightPlan, Layering, Layout, SEARCHED_MAX, Separation, WaveLimits,
+};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::navigation;
 
+use super::Protocol;
 use super::file::Source;
 use super::formation;
 use super::limits::highest_layer_m;
 use super::raw::Raw;
+use super::reach::PlannedFlight;
 
 /// Height above the mission that is available for altitude layers.
 pub(super) struct Headroom {
     separation: Separation,
-    /// Height up to the ceiling, and at most as far as neighbours in different layers are in radio range; in metres.
-    height_m: f64,
+    /// Height up to the ceiling, in metres.
+    below_ceiling_m: f64,
+    /// Radio range, in metres.
+    range_m: f64,
+    /// Altitude of the slots above home at the first waypoint, in metres.
+    begin_m: f64,
 }
 
 impl Headroom {
@@ -28,22 +37,48 @@ impl Headroom {
         ceiling_m: f64,
     ) -> Self {
         let altitudes_m = waypoints.iter().map(|it| it.altitude_m());
-        let below_ceiling_m = ceiling_m - altitudes_m.fold(0.0, f64::max);
-        let (range_m, spacing_m) = (raw.radio.range_m.0, raw.formation.spacing_m.get_ref().0);
-        // NaN if adjacent slots are out of range.
-        let within_reach_m = (range_m * range_m - spacing_m * spacing_m).sqrt();
         Self {
             separation,
-            height_m: below_ceiling_m.min(within_reach_m.max(0.0)),
+            below_ceiling_m: ceiling_m - altitudes_m.fold(0.0, f64::max),
+            range_m: raw.radio.range_m.0,
+            begin_m: waypoints[0].altitude_m(),
         }
     }
 
-    fn takes(&self, layout: &Layout, changes: &[Change], waypoints: &[Ned]) -> bool {
-        highest_layer_m(layout, changes, waypoints) <= self.height_m
+    /// The room of a swarm that needs links of `link_m` metres over ground: up to the ceiling, and at most as high as
+    /// drones so far apart, one in the lowest and one in the highest layer, are in radio range.
+    fn with_links_of(&self, link_m: f64) -> Room {
+        let within_range_m = (self.range_m * self.range_m - link_m * link_m).sqrt();
+        Room {
+            height_m: self.below_ceiling_m.min(within_range_m),
+            range_m: self.range_m,
+            begin_m: self.begin_m,
+        }
+    }
+}
+
+/// Room for altitude layers.
+struct Room {
+    /// Height above the slots, in metres.
+    height_m: f64,
+    /// As in [`Headroom`].
+    range_m: f64,
+    begin_m: f64,
+}
+
+impl Room {
+    /// Distance over ground of two drones that are in range with a difference in height, in metres.
+    fn link_m(&self, height_m: f64) -> f64 {
+        let squared = self.range_m * self.range_m - height_m * height_m;
+        squared.max(0.0).sqrt()
     }
 
-    /// Numbers of layers to try with waves: as many as fit, half as many, and so on down to one.
-    fn layers(&self, layer_spacing_m: f64) -> impl Iterator<Item = u32> + use<> {
+    /// Limits to try with waves of an extent: as many layers as fit, half as many, and so on down to one.
+    fn wave_limits(
+        &self,
+        layer_spacing_m: f64,
+        (searches_on, hops_max): (bool, u32),
+    ) -> impl Iterator<Item = WaveLimits> {
         let fit = (self.height_m / layer_spacing_m)
             .floor()
             .clamp(1.0, f64::from(u16::MAX));
@@ -53,57 +88,175 @@ impl Headroom {
             reason = "clamped"
         )]
         let fit = fit as u32;
-        std::iter::successors(Some(fit), |layers| Some(layers / 2)).take_while(|it| *it > 0)
+        let ground_link_m = self.link_m(self.begin_m);
+        std::iter::successors(Some(fit), |layers| Some(layers / 2))
+            .take_while(|it| *it > 0)
+            .map(move |layers_max| WaveLimits {
+                layers_max,
+                link_m: self.link_m(f64::from(layers_max) * layer_spacing_m),
+                ground_link_m,
+                hops_max,
+                searches_on,
+            })
     }
 }
 
-/// Builds the layout and the changes of formation with the first of these that fits into the headroom:
+/// Most hops by which a wave may fly beyond the ones before: numbers to try, until all drones stay in the master's reach.
+const HOPS_MAX: [u32; 4] = [u32::MAX, 4, 2, 1];
+
+/// What the layers of a swarm are chosen for.
+pub(super) struct Swarm<'a> {
+    pub(super) waypoints: &'a [Ned],
+    pub(super) headroom: Headroom,
+    pub(super) vehicle: &'a navigation::Config,
+    pub(super) settle: Duration,
+    pub(super) protocol: &'a Protocol,
+    pub(super) relays: &'a [Ned],
+}
+
+/// A layout, the changes of formation after it, and how well they do.
+struct Candidate {
+    layout: Layout,
+    changes: Vec<Change>,
+    /// Height of the highest layer above the room, in metres.
+    above_m: f64,
+    /// By how much longer than tolerated drones are out of the master's reach, all phases together.
+    unreached: Duration,
+}
+
+impl Candidate {
+    const fn is_flawless(&self) -> bool {
+        self.above_m <= 0.0 && self.unreached.is_zero()
+    }
+}
+
+impl Swarm<'_> {
+    /// Rates a candidate after others: one that is too high, or worse than one of those, need not be known exactly.
+    fn rated(
+        &self,
+        (layout, changes): (Layout, Vec<Change>),
+        room: &Room,
+        tried: &[Candidate],
+    ) -> Candidate {
+        let highest_m = highest_layer_m(&layout, &changes, self.waypoints);
+        let above_m = (highest_m - room.height_m).max(0.0);
+        let fitting = tried.iter().filter(|it| it.above_m <= 0.0);
+        let best = if above_m > 0.0 {
+            Some(Duration::ZERO)
+        } else {
+            fitting.map(|it| it.unreached).min()
+        };
+        let planned = PlannedFlight {
+            flight: FlightPlan {
+                layout: &layout,
+                changes: &changes,
+                waypoints: self.waypoints,
+            },
+            vehicle: self.vehicle,
+            settle: self.settle,
+            range_m: self.headroom.range_m,
+            relays: self.relays,
+        };
+        let tolerated = |kind| self.protocol.tolerated(kind);
+        let phases = planned.unreached(tolerated);
+        let mut excess = phases.map(|phase| phase.longest().saturating_sub(tolerated(phase.kind)));
+        let mut unreached = Duration::ZERO;
+        while best.is_none_or(|best| unreached < best)
+            && let Some(excess) = excess.next()
+        {
+            unreached = unreached.saturating_add(excess);
+        }
+        drop(excess);
+        Candidate {
+            above_m,
+            unreached,
+            layout,
+            changes,
+        }
+    }
+
+    /// Rates what takes the least time first, up to the first without a flaw.
+    fn try_quickest_first(
+        &self,
+        candidates: Vec<(Layout, Vec<Change>)>,
+        room: &Room,
+        tried: &mut Vec<Candidate>,
+    ) {
+        let pace = WavePace {
+            vehicle: self.vehicle,
+            waypoints: self.waypoints,
+        };
+        let timed = candidates.into_iter();
+        let mut timed: Vec<_> = timed.map(|it| (pace.takes_s(&it.0, &it.1), it)).collect();
+        timed.sort_by(|(a_s, _), (b_s, _)| a_s.total_cmp(b_s));
+        for (_, candidate) in timed {
+            tried.push(self.rated(candidate, room, tried));
+            if tried.last().is_some_and(Candidate::is_flawless) {
+                return;
+            }
+        }
+    }
+}
+
+/// Builds the layout and the changes of formation with the first of these that fits into the headroom and leaves no drone out
+/// of the master's reach for longer than the protocol tolerates:
 ///
 /// 1. A layer of its own for each drone out of lockstep.
 /// 2. Shared layers.
-/// 3. Waves, with the number of layers that takes the least time for take-off, changes and landing.
+/// 3. Waves of any extent; up to [`SEARCHED_MAX`] drones also of fewer and fewer hops, and all that again with more places on
+///    the ground and another order. Each with the number of layers that takes the least time for take-off, changes and landing.
+///
+/// If none does, the one that is least above the headroom, then least out of reach. One above the headroom is refused later,
+/// with the lowest height in the error.
 pub(super) fn assign_layers(
     (source, raw): (&Source, &Raw),
-    waypoints: &[Ned],
-    headroom: &Headroom,
-    vehicle: &navigation::Config,
+    swarm: &Swarm<'_>,
 ) -> Result<(Layout, Vec<Change>), BadInput> {
-    let layout = |layering| {
-        let layout = formation::layout(source, raw, headroom.separation)?;
-        Ok(layout.with_layers(layering))
-    };
-    let with_changes = |layout: Layout| {
+    let waypoints = swarm.waypoints;
+    let with_changes = |layering, limits: Option<WaveLimits>| {
+        let layout = formation::layout(source, raw, swarm.headroom.separation)?;
+        let layout = layout.with_layers(layering);
+        let layout = match limits {
+            Some(limits) => layout.in_waves(limits),
+            None => layout,
+        };
         let layout = layout.for_mission(waypoints);
         let changes = formation::changes(source, raw, &layout, waypoints.len())?;
         Ok((layout, changes))
     };
-    let each = with_changes(layout(Layering::PerDrone)?)?;
-    if headroom.takes(&each.0, &each.1, waypoints) {
-        return Ok(each);
+    let each = with_changes(Layering::PerDrone, None)?;
+    let formations = all_layouts(&each).map(Layout::formation);
+    let links_m = formations.map(|it| it.longest_link_m(swarm.headroom.range_m));
+    let room = swarm.headroom.with_links_of(links_m.fold(0.0, f64::max));
+    let mut tried = vec![swarm.rated(each, &room, &[])];
+    if !tried[0].is_flawless() {
+        let shared = with_changes(Layering::Shared, None)?;
+        tried.push(swarm.rated(shared, &room, &tried));
     }
-    let shared = with_changes(layout(Layering::Shared)?)?;
-    if headroom.takes(&shared.0, &shared.1, waypoints) {
-        return Ok(shared);
+    let is_searched = tried[0].layout.formation().slots().len() <= SEARCHED_MAX;
+    let hops = |searches_on| HOPS_MAX.map(|hops_max| (searches_on, hops_max));
+    let extents = [false, true].into_iter().flat_map(hops);
+    for extent in extents.take(if is_searched { usize::MAX } else { 1 }) {
+        if tried.iter().any(Candidate::is_flawless) {
+            break;
+        }
+        let mut in_waves = Vec::new();
+        for limits in room.wave_limits(tried[0].layout.layer_spacing_m(), extent) {
+            in_waves.push(with_changes(Layering::Shared, Some(limits))?);
+        }
+        swarm.try_quickest_first(in_waves, &room, &mut tried);
     }
-    let mut tried = Vec::new();
-    for layers_max in headroom.layers(shared.0.layer_spacing_m()) {
-        tried.push(with_changes(
-            layout(Layering::Shared)?.in_waves(layers_max),
-        )?);
-    }
-    let height_m =
-        |(layout, changes): &(Layout, Vec<Change>)| highest_layer_m(layout, changes, waypoints);
-    let pace = WavePace { vehicle, waypoints };
-    // If none fits, the plan is refused later, with the lowest height in the error.
-    let rate = |it: &(Layout, Vec<Change>)| {
-        let above_m = (height_m(it) - headroom.height_m).max(0.0);
-        (above_m, pace.takes_s(&it.0, &it.1))
-    };
-    let by_rate = |a: &_, b: &_| {
-        let ((a_m, a_s), (b_m, b_s)) = (rate(a), rate(b));
-        a_m.total_cmp(&b_m).then(a_s.total_cmp(&b_s))
-    };
-    Ok(tried.into_iter().min_by(by_rate).unwrap_or(shared))
+    let best = tried.into_iter().min_by(|a, b| {
+        let by_height = a.above_m.total_cmp(&b.above_m);
+        by_height.then(a.unreached.cmp(&b.unreached))
+    });
+    let best = best.expect("one at least is tried");
+    Ok((best.layout, best.changes))
+}
+
+/// The layout of the first formation, and those after each change.
+fn all_layouts((first, changes): &(Layout, Vec<Change>)) -> impl Iterator<Item = &Layout> {
+    std::iter::once(first).chain(changes.iter().map(Change::layout))
 }
 
 /// Estimates how long waves take.

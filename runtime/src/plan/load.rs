@@ -20,7 +20,7 @@ use super::failsafe::failsafe;
 use super::fence::Fenced;
 use super::file::Source;
 use super::follow::{Heights, follow};
-use super::layering::{Headroom, assign_layers};
+use super::layering::{Headroom, Swarm, assign_layers};
 use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
 use super::raw::{self, PolicyName, ProtocolKind, Raw, VehicleKindName};
 use super::separation::check_separation;
@@ -76,12 +76,22 @@ pub fn build_plan(
     if raw.safety.avoid || agent.is_some() {
         vehicle.avoid = Some(avoid(raw, planned, landing, (&vehicle, &protocol)));
     }
-    let headroom = headroom(raw, planned, &waypoints, fenced.as_ref());
-    let (layout, changes) = assign_layers((source, raw), &waypoints, &headroom, &vehicle)?;
+    let settle = Duration::from_millis(raw.vehicle.settle_ms.0);
+    let relays = relays(source, raw)?;
+    let ceiling_m = fenced.as_ref().and_then(Fenced::ceiling_m);
+    let ceiling_m = ceiling_m.unwrap_or(altitude_max_m(raw));
+    let swarm = Swarm {
+        waypoints: &waypoints,
+        headroom: Headroom::new(raw, planned, &waypoints, ceiling_m),
+        vehicle: &vehicle,
+        settle,
+        protocol: &protocol,
+        relays: &relays,
+    };
+    let (layout, changes) = assign_layers((source, raw), &swarm)?;
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
     let heights = heights(raw, &layout, &changes, &waypoints);
     let follow = follow(source, raw, &vehicle, heights)?;
-    let settle = Duration::from_millis(raw.vehicle.settle_ms.0);
     let course = Course {
         layout: &layout,
         changes: &changes,
@@ -97,7 +107,7 @@ pub fn build_plan(
     Ok(Plan(PlanParts {
         notes: notes(&mission, &layout),
         layout,
-        relays: relays(source, raw)?,
+        relays,
         changes,
         home: mission.home(),
         waypoints,
@@ -126,17 +136,6 @@ fn land_after(agent: Option<&PlannedAgent>, follow: Option<&Follow>) -> Option<D
         Some(_) => Some(EXPECTED),
         None => follow?.land_after,
     }
-}
-
-fn headroom(
-    raw: &Raw,
-    planned: Separation,
-    waypoints: &[Ned],
-    fenced: Option<&Fenced<'_>>,
-) -> Headroom {
-    let ceiling_m = fenced.and_then(Fenced::ceiling_m);
-    let ceiling_m = ceiling_m.unwrap_or(altitude_max_m(raw));
-    Headroom::new(raw, planned, waypoints, ceiling_m)
 }
 
 /// Where a followed master may fly.

@@ -12,6 +12,7 @@ mod limits;
 mod load;
 #[doc(hidden)]
 pub mod raw;
+pub mod reach;
 mod sensors;
 pub mod separation;
 
@@ -308,10 +309,7 @@ impl Plan {
             liveness: protocol.liveness,
             succession: protocol.succession,
             alone: self.alone,
-            spreading_grace: match protocol.succession {
-                Succession::Elect => protocol.time_to_live * 3,
-                Succession::Land => protocol.time_to_live,
-            },
+            spreading_grace: protocol.spreading_grace(),
             candidacy_back_off: match (protocol.succession, protocol.liveness) {
                 // As long as a frame with one retransmission takes to a neighbour.
                 (Succession::Elect, Liveness::Heartbeat) => protocol.repair * 2,

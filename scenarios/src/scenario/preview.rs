@@ -16,6 +16,7 @@ use super::Scenario;
 use super::exposure::{bare_table, lines};
 use crate::segments::{Link, Segment, Segments};
 use muster_runtime::plan::layering::WavePace;
+use muster_runtime::plan::reach::{PlannedFlight, Unreached};
 use muster_runtime::text::{drones, figure, plural};
 
 /// Largest swarm whose connectivity is computed. Larger ones are taken to have the largest possible diameter.
@@ -98,27 +99,52 @@ impl Scenario {
             .then(|| self.connected_at(|_| self.plan.waypoints[0].altitude_m()))
     }
 
-    /// Counts the drones out of the master's reach in a phase, at the places where they are farthest apart. `None` if the swarm
-    /// is too large. Relays are left out, as they stay where the mission began.
+    /// Counts the drones out of the master's reach in a phase: at the places where they are farthest apart, and on the way there
+    /// for longer than the protocol tolerates. `None` if the swarm is too large.
     fn out_of_reach_counter(&self) -> impl FnMut(&Phase) -> Option<usize> {
         let is_small = self.plan.nodes() <= DIAMETER_NODES_MAX;
         // All legs in one formation have the same count.
         let mut on_legs: BTreeMap<u16, Option<usize>> = BTreeMap::new();
+        let on_the_way: BTreeMap<PhaseKind, BTreeSet<u32>> = self
+            .unreached_on_the_way()
+            .into_iter()
+            .map(|it| (it.kind, it.drones.iter().map(|(id, _)| id.0).collect()))
+            .collect();
         move |phase| {
             if !is_small {
                 return None;
             }
             let count = || {
                 let above = |paths: &Paths| paths.get(1).unwrap_or(&paths[0]).to;
-                let places: Vec<_> = phase.paths.iter().map(above).collect();
-                self.out_of_reach(&self.connected_among(&places))
-                    .map(|it| it.len())
+                let places = phase.paths.iter().map(above);
+                let places: Vec<_> = places.chain(self.plan.relays.iter().copied()).collect();
+                let at_the_ends = self.out_of_reach(&self.connected_among(&places))?;
+                let mut all = on_the_way.get(&phase.kind).cloned().unwrap_or_default();
+                all.extend(at_the_ends);
+                Some(all.len())
             };
             match phase.kind {
                 PhaseKind::Leg { .. } => *on_legs.entry(phase.changes).or_insert_with(count),
                 _ => count(),
             }
         }
+    }
+
+    /// Phases in which drones are out of the master's reach for longer than the protocol tolerates, though none is late. Empty if
+    /// the swarm is too large.
+    pub(super) fn unreached_on_the_way(&self) -> Vec<Unreached> {
+        if self.plan.nodes() > DIAMETER_NODES_MAX {
+            return Vec::new();
+        }
+        let planned = PlannedFlight {
+            flight: self.flown(),
+            vehicle: &self.plan.vehicle,
+            settle: self.plan.settle,
+            range_m: self.radio.propagation.range_m(),
+            relays: &self.plan.relays,
+        };
+        let phases = planned.unreached(|kind| self.plan.protocol.tolerated(kind));
+        phases.filter(|it| !it.drones.is_empty()).collect()
     }
 
     /// The segments with each drone above its first slot, at its own height in metres above home.

@@ -6,6 +6,7 @@ use muster_machines::formation::Change;
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Succession;
+use muster_runtime::plan::separation::describe_phase;
 use muster_runtime::text::{drones, figure, plural};
 
 use super::Scenario;
@@ -54,6 +55,16 @@ impl Scenario {
                 "{} can't reach the master, not even over others, and {will}: raise `radio.range_m` or lower \
                  `formation.spacing_m`",
                 drones(&apart)
+            ));
+        }
+        let on_the_way = self.unreached_on_the_way();
+        if let Some(longest) = on_the_way.iter().max_by_key(|it| it.longest()) {
+            let ids: Vec<u32> = longest.drones.iter().map(|(id, _)| id.0).collect();
+            warnings.push(format!(
+                "{} can't reach the master for {} s {}: raise `radio.range_m` or lower `formation.spacing_m`",
+                drones(&ids),
+                figure(longest.longest().as_secs_f64(), 0),
+                describe_phase(longest.kind),
             ));
         }
         let diameter = self

@@ -73,6 +73,37 @@ fn mesh_without_room_for_its_layers_flies_in_waves() {
     assert_eq!(reports[0].trace, reports[1].trace);
 }
 
+/// Nobody is out of the master's reach for so long that another takes over, whatever way the slots lie.
+#[test]
+fn swarms_with_a_range_of_about_two_spacings_elect_nobody_without_a_fault() {
+    let kinds: [&[&str]; 4] = [
+        &["formation.kind=random", "formation.drones=60"],
+        &["formation.kind=compact-mesh", "formation.drones=61"],
+        &["formation.kind=regular-matrix", "formation.drones=80"],
+        &["formation.kind=linear", "formation.drones=40"],
+    ];
+    let mut sweep = Sweep::default();
+    for kind in kinds {
+        for ground in sweep.of(["gathered", "line", "grid"]) {
+            let ground = format!("formation.ground={ground}");
+            let more = [
+                "seed=2",
+                "changes=[]",
+                "formation.spacing_m=50",
+                "radio.range_m=102",
+                "limits.altitude_max_m=120",
+                &ground,
+            ];
+            let what = format!("{kind:?}, {ground}");
+            let flown = scenario("mesh-in-waves.toml", &[kind, &more].concat());
+            assert!(flown.verdict().starts_with("OK"), "{}", flown.verdict());
+            let report = fly(&flown, Engine::Events);
+            assert_flown(&report, &what);
+            assert_eq!(report.elections, [], "{what}");
+        }
+    }
+}
+
 /// Runs a swarm in waves with one fault.
 fn fly_in_waves(seed: u64, fault: &str) -> Report {
     let (seed, fault) = (format!("seed={seed}"), format!("faults=[{fault}]"));

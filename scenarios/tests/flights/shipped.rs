@@ -212,10 +212,27 @@ fn preview_shows_drones_that_layers_take_out_of_range() {
         "radio.range_m=70",
         "limits.altitude_max_m=500",
     ];
-    let text = scenario("barrier-mesh.toml", &scattered)
-        .preview()
-        .join("\n");
-    let on_the_way_up =
-        "out of the master's reach in their layers on the way up: drones 24, 29, 38, 43";
-    assert!(text.contains(on_the_way_up), "{text}");
+    let scattered = scenario("barrier-mesh.toml", &scattered);
+    let text = scattered.preview().join("\n");
+    let alone = "out of the master's reach in their layers out of lockstep: drones 24, 29, 38;";
+    assert!(text.contains(alone), "{text}");
+    assert!(!text.contains("on the way up"), "{text}");
+}
+
+#[test]
+fn check_warns_of_drones_that_are_out_of_reach_on_the_way() {
+    let verdict = |overrides: &[&str]| scenario("mesh-in-waves.toml", overrides).verdict();
+    let text = verdict(&[]);
+    assert!(text.starts_with("OK"), "{text}");
+    let text = verdict(&[
+        "formation.kind=linear",
+        "formation.drones=80",
+        "formation.spacing_m=30",
+        "radio.range_m=63",
+        "limits.altitude_max_m=200",
+    ]);
+    assert!(text.starts_with("WARNING"), "{text}");
+    let warned =
+        "can't reach the master for 35 s while those of wave 3 cross for change 0 of formation";
+    assert!(text.contains(warned), "{text}");
 }

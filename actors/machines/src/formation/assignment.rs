@@ -39,6 +39,31 @@ impl Assignment {
     }
 }
 
+impl Assignment {
+    /// As [`Self::assign`], but slots with a place less than `within_m` over ground from below them take that, so that no
+    /// other drone stands there.
+    pub(super) fn assign_from_below(
+        self,
+        places: &[Ned],
+        slots: &[Ned],
+        within_m: f64,
+    ) -> Vec<Ned> {
+        let (mut free, mut chosen) = (places.to_vec(), vec![None; slots.len()]);
+        for (slot, chosen) in slots.iter().zip(&mut chosen) {
+            let distance_m = |at: &usize| slot.horizontal_distance_m(free[*at]);
+            let by_distance = |a: &usize, b: &usize| distance_m(a).total_cmp(&distance_m(b));
+            let nearest = (0..free.len()).min_by(by_distance);
+            let below = nearest.filter(|at| distance_m(at) < within_m);
+            *chosen = below.map(|at| free.remove(at));
+        }
+        let others = slots.iter().zip(&chosen).filter(|(_, it)| it.is_none());
+        let others: Vec<Ned> = others.map(|(slot, _)| *slot).collect();
+        let mut rest = self.assign(&free, &others).into_iter();
+        let all = chosen.into_iter().map(|it| it.or_else(|| rest.next()));
+        all.flatten().collect()
+    }
+}
+
 fn optimal(places: &[Ned], slots: &[Ned]) -> Vec<usize> {
     let costs = slots
         .iter()

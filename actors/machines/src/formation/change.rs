@@ -1,5 +1,6 @@
 use super::crossings::{crossings, ground_tracks};
 use super::layers::{LayerPlan, WaitingPosition};
+use super::reach::Reach;
 use super::{Formation, Layout};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
@@ -40,12 +41,12 @@ impl Change {
             // No drone climbs or descends while others cross, but a crossing drone may have to descend.
             crossing.overflights.reverse();
         }
-        let plan = match limits.layers_max {
+        let plan = match limits.waves {
             None => LayerPlan::of(from.len(), &crossings, 0),
-            Some(max) => LayerPlan::in_waves(
-                &formation.by_rank(),
+            Some(waves) => LayerPlan::in_waves(
+                &Reach::from_slots(&from, &formation, waves),
                 &crossings,
-                max,
+                waves,
                 WaitingPosition::Layer,
             ),
         };

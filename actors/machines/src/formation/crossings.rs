@@ -110,6 +110,21 @@ pub(super) fn slot_passes(slots: &[Ned], legs: &[Vector2<f64>], min_m: f64) -> V
     found
 }
 
+/// All pairs of places within `max_m` metres of each other over ground, the smaller index first.
+pub(super) fn pairs_within(places: &[Ned], max_m: f64) -> Vec<[usize; 2]> {
+    let boxes: Vec<_> = places
+        .iter()
+        .map(|place| (place.0.xy(), place.0.xy()))
+        .collect();
+    let mut found = Vec::new();
+    sweep(&boxes, max_m, |a, b| {
+        if places[a].horizontal_distance_m(places[b]) <= max_m {
+            found.push([a, b]);
+        }
+    });
+    found
+}
+
 /// Smallest horizontal distance of two places, in metres; `None` for fewer than two.
 pub(super) fn nearest_pair_m(places: &[Ned]) -> Option<f64> {
     let boxes: Vec<_> = places

@@ -1,7 +1,9 @@
 use std::collections::BTreeSet;
 use std::ops::Range;
 
+use super::WaveLimits;
 use super::crossings::{Crossing, Overflight};
+use super::reach::Reach;
 
 /// Altitude layer and wave of each drone. Layer 0 is the height of the slots. A wave starts once all drones of the wave
 /// before have arrived.
@@ -12,6 +14,9 @@ pub(super) struct LayerPlan {
     /// Number of path ends with another path below the drone that climbs and descends there. Such pairs are separated
     /// only as long as they start together.
     pub(super) exposed: usize,
+    /// Number of drones that reach their slots in an earlier wave than all drones over which they are connected with
+    /// the centre.
+    pub(super) unreached: usize,
 }
 
 /// Where a drone waits while other waves fly.
@@ -38,29 +43,56 @@ impl LayerPlan {
         plan
     }
 
-    /// Layers up to `layers_max` and no exposed ends, in as few waves as possible. Each wave is a run of `order`, which
-    /// holds each drone once. Later waves fly over drones that wait as `waiting` says. The first drone of `order` flies
-    /// in the first wave. A wave that needs more layers gets them.
+    /// No exposed ends, in as few waves as the limits allow. Each wave is a run of drones in the order of `reach`, and ends
+    /// with all that flew connected with the centre if it can. Later waves fly over drones that wait as `waiting` says. The
+    /// centre flies in the first wave. A wave that needs more layers gets them.
     pub(super) fn in_waves(
-        order: &[usize],
+        reach: &Reach,
         crossings: &[Crossing],
-        layers_max: u32,
+        limits: WaveLimits,
         waiting: WaitingPosition,
     ) -> Self {
-        let drones = order.len();
-        let first = order.first().copied();
-        let schedule = Schedule::new(order, crossings, waiting);
+        let schedule = Schedule::new(reach, crossings, waiting, BelowFirst::Advance);
+        let plan = Self::of_schedule(reach, &schedule, limits);
+        if !limits.searches_on || plan.unreached == 0 {
+            return plan;
+        }
+        let schedule = Schedule::new(reach, crossings, waiting, BelowFirst::Wait);
+        let other = Self::of_schedule(reach, &schedule, limits);
+        let cost = |it: &Self| (it.exposed, it.unreached, it.wave_count());
+        if cost(&other) < cost(&plan) {
+            other
+        } else {
+            plan
+        }
+    }
+
+    fn of_schedule(reach: &Reach, schedule: &Schedule<'_>, limits: WaveLimits) -> Self {
+        let drones = reach.order.len();
+        let first = reach.order.first().copied();
         let mut plan = Self::on_ground(drones);
         let (mut begin, mut wave) = (0, 0);
         while begin < drones {
             let fits = |end: usize| {
                 let next = schedule.with_wave(&plan, begin..end, wave);
                 let mut members = schedule.order[begin..end].iter();
-                next.exposed == plan.exposed && members.all(|it| next.layers[*it] <= layers_max)
+                next.exposed == plan.exposed
+                    && members.all(|it| next.layers[*it] <= limits.layers_max)
             };
             let first_at = first.map_or(begin, |it| schedule.position[it]);
-            let end = largest(begin.max(first_at) + 1, drones, fits);
+            let least = begin.max(first_at) + 1;
+            let most = largest(least, drones, fits);
+            let reached = |end: usize| reach.reached(&schedule.order, begin..end);
+            let is_connected = |end: &usize| reached(*end).unreached == 0;
+            let is_within = |end: &usize| {
+                let reached = reached(*end);
+                reached.unreached == 0 && reached.hops <= limits.hops_max
+            };
+            let end = (least..=most).rev().find(is_within);
+            let end = end.or_else(|| (least..=most).find(is_connected));
+            let end = end.unwrap_or(most);
             plan = schedule.with_wave(&plan, begin..end, wave);
+            plan.unreached += reached(end).unreached;
             begin = end;
             wave = wave.saturating_add(1);
         }
@@ -72,6 +104,7 @@ impl LayerPlan {
             layers: vec![0; drones],
             waves: vec![0; drones],
             exposed: 0,
+            unreached: 0,
         }
     }
 
@@ -135,6 +168,15 @@ impl LayerPlan {
     }
 }
 
+/// How a drone that stands below another's slot comes to fly before that one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum BelowFirst {
+    /// It flies early.
+    Advance,
+    /// The other flies late.
+    Wait,
+}
+
 /// The order in which drones are divided into waves, with their crossings.
 struct Schedule<'a> {
     order: Vec<usize>,
@@ -146,15 +188,29 @@ struct Schedule<'a> {
 }
 
 impl<'a> Schedule<'a> {
-    fn new(order: &[usize], crossings: &'a [Crossing], waiting: WaitingPosition) -> Self {
-        let mut of_drone: Vec<Vec<&Crossing>> = vec![Vec::new(); order.len()];
+    fn new(
+        reach: &Reach,
+        crossings: &'a [Crossing],
+        waiting: WaitingPosition,
+        below_first: BelowFirst,
+    ) -> Self {
+        let drones = reach.order.len();
+        let mut of_drone: Vec<Vec<&Crossing>> = vec![Vec::new(); drones];
         for crossing in crossings {
             for drone in crossing.drones {
                 of_drone[drone].push(crossing);
             }
         }
-        let order = with_those_below_first(order, &of_drone, waiting);
-        let mut position = vec![0; order.len()];
+        let order = match (waiting, below_first) {
+            (WaitingPosition::GroundAndSlot, BelowFirst::Advance) => {
+                with_those_below_first(reach, &of_drone)
+            }
+            (WaitingPosition::GroundAndSlot, BelowFirst::Wait) => {
+                waiting_for_those_below(reach, &of_drone)
+            }
+            (WaitingPosition::Layer, _) => reach.order.clone(),
+        };
+        let mut position = vec![0; drones];
         for (at, drone) in order.iter().enumerate() {
             position[*drone] = at;
         }
@@ -211,30 +267,46 @@ fn largest(least: usize, most: usize, fits: impl Fn(usize) -> bool) -> usize {
     low
 }
 
-/// Reorders: a drone that stands below another's slot comes before that one, because it climbs through the slot.
-fn with_those_below_first(
-    order: &[usize],
-    of_drone: &[Vec<&Crossing>],
-    waiting: WaitingPosition,
-) -> Vec<usize> {
-    if waiting == WaitingPosition::Layer {
-        return order.to_vec();
-    }
-    let mut sorted = Vec::with_capacity(order.len());
-    let mut is_seen = vec![false; order.len()];
-    for drone in order {
+/// Reorders: a drone that stands below another's slot comes before that one, because it climbs through the slot. So does
+/// one over which that drone is connected with the centre.
+fn with_those_below_first(reach: &Reach, of_drone: &[Vec<&Crossing>]) -> Vec<usize> {
+    let mut sorted = Vec::with_capacity(of_drone.len());
+    let mut is_seen = vec![false; of_drone.len()];
+    for drone in &reach.order {
         let mut path: Vec<usize> = (!is_seen[*drone]).then_some(*drone).into_iter().collect();
         while let Some(last) = path.last().copied() {
             is_seen[last] = true;
+            let needed = reach.needed(last, |other| is_seen[other]);
             let below = of_drone[last].iter().map(|it| (it, it.other(last)));
-            let mut unseen = below.filter(|(it, other)| it.is_below(*other) && !is_seen[*other]);
-            if let Some((_, next)) = unseen.next() {
+            let below = below.filter(|(it, other)| it.is_below(*other));
+            let before = needed.into_iter().chain(below.map(|(_, other)| other));
+            if let Some(next) = before.into_iter().find(|other| !is_seen[*other]) {
                 path.push(next);
             } else {
                 path.pop();
                 sorted.push(last);
             }
         }
+    }
+    sorted
+}
+
+/// Reorders: each drone is the first below whose slot no other is left, and whose connection with the centre depends on none
+/// that is left. If there is none, the first below whose slot no other is left.
+fn waiting_for_those_below(reach: &Reach, of_drone: &[Vec<&Crossing>]) -> Vec<usize> {
+    let (mut sorted, mut left) = (Vec::with_capacity(of_drone.len()), reach.order.clone());
+    let mut has_flown = vec![false; of_drone.len()];
+    while !left.is_empty() {
+        let is_connected = |drone: &usize| reach.needed(*drone, |other| has_flown[other]).is_none();
+        let is_free = |drone: &usize| {
+            let mut others = of_drone[*drone].iter().map(|it| (it, it.other(*drone)));
+            !others.any(|(it, other)| it.is_below(other) && !has_flown[other])
+        };
+        let connected = left.iter().position(|it| is_free(it) && is_connected(it));
+        let next = connected.or_else(|| left.iter().position(is_free));
+        let next = left.remove(next.unwrap_or(0));
+        has_flown[next] = true;
+        sorted.push(next);
     }
     sorted
 }

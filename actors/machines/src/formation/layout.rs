@@ -82,8 +82,23 @@ struct MissionLayers {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
     pub(super) separation: Separation,
-    /// Highest layer if drones fly in waves; `None` for one wave with as many layers as needed.
-    pub(super) layers_max: Option<u32>,
+    /// `None` for one wave with as many layers as needed.
+    pub(super) waves: Option<WaveLimits>,
+}
+
+/// Limits for drones that fly in waves.
+#[derive(Debug, Clone, Copy)]
+pub struct WaveLimits {
+    /// Highest layer; 0 is the height of the slots.
+    pub layers_max: u32,
+    /// Distance over ground at which drones in any two layers are in radio range of each other, in metres.
+    pub link_m: f64,
+    /// Distance over ground at which a drone on the ground is in radio range of one in its slot, in metres.
+    pub ground_link_m: f64,
+    /// Most hops, over drones of the same wave, by which a wave flies beyond the drones of the waves before.
+    pub hops_max: u32,
+    /// Whether to try more places on the ground and another order, if drones would be out of reach.
+    pub searches_on: bool,
 }
 
 /// Places on the ground, and the layers of the paths between them and the slots.
@@ -95,12 +110,9 @@ struct GroundPaths {
 
 impl GroundPaths {
     fn new(ground: Ground, formation: &Formation, gap_m: f64, limits: Limits) -> Self {
-        let Limits {
-            separation,
-            layers_max,
-        } = limits;
+        let Limits { separation, waves } = limits;
         let min_m = separation.horizontal_with_margin_m();
-        let places = GroundPlaces::new(ground, formation, gap_m, min_m, layers_max);
+        let places = GroundPlaces::new(ground, formation, gap_m, min_m, waves);
         Self {
             layers_m: separation.heights_m(&places.layer_plan).collect(),
             places,
@@ -114,7 +126,7 @@ impl Layout {
     pub fn new(formation: Formation, gap_m: f64, separation: Separation) -> Self {
         let limits = Limits {
             separation,
-            layers_max: None,
+            waves: None,
         };
         Self::within(formation, gap_m, limits)
     }
@@ -135,9 +147,9 @@ impl Layout {
 
     /// Sets the highest layer above the slots. Drones take off, land and cross in waves if they would need more layers.
     #[must_use]
-    pub fn in_waves(self, layers_max: u32) -> Self {
+    pub fn in_waves(self, waves: WaveLimits) -> Self {
         let limits = Limits {
-            layers_max: Some(layers_max),
+            waves: Some(waves),
             ..self.limits
         };
         Self::within(self.formation, self.gap_m, limits)
@@ -322,7 +334,7 @@ impl Layout {
     /// landing places.
     #[must_use]
     pub fn lands_below_slot(&self) -> bool {
-        self.layering == Layering::PerDrone || self.limits.layers_max.is_some()
+        self.layering == Layering::PerDrone || self.limits.waves.is_some()
     }
 
     /// Layer of a drone with one layer per drone, from 1: by number, but the first master has layer 1.

@@ -16,6 +16,7 @@ mod mesh;
 mod path;
 mod phases;
 mod random;
+mod reach;
 mod shape;
 mod split_up;
 mod tube;
@@ -27,9 +28,10 @@ pub use change::Change;
 pub use exposure::{ClosestApproach, Exposure, PhaseSeparation, Proximity};
 pub use flight_plan::FlightPlan;
 pub use ground::Ground;
-pub use layout::{Layering, Layout, Separation};
+pub use layout::{Layering, Layout, Separation, WaveLimits};
 pub use path::Path;
 pub use phases::{Paths, Phase, PhaseKind};
+pub use reach::SEARCHED_MAX;
 pub use tube::{Clearance, Tube};
 
 use crate::geometry::Ned;
@@ -192,13 +194,6 @@ impl Formation {
     #[must_use]
     pub fn ranks(&self) -> &[u32] {
         &self.ranks
-    }
-
-    /// Drones from the centre outwards.
-    fn by_rank(&self) -> Vec<usize> {
-        let mut order: Vec<usize> = (0..self.slots.len()).collect();
-        order.sort_by_key(|drone| self.ranks[*drone]);
-        order
     }
 
     /// Smallest distance between two slots, in metres; the spacing if there is only one slot.

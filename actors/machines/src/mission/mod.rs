@@ -279,7 +279,7 @@ impl Mission {
         }
     }
 
-    fn handle_touchdown(&mut self) {
+    fn handle_touchdown(&mut self, now: Timestamp) {
         match self.durable.state {
             State::Start | State::SetUp | State::Finished => return,
             State::Landing => {}
@@ -287,11 +287,15 @@ impl Mission {
         }
         self.enter(State::Finished);
         if self.is_awaited_on_ground() {
-            // Its announcement was held back until now. From now on nobody waits for it.
+            // Its announcement was held back until now. It repeats it for a while, as frames may be lost: without it the others
+            // miss a drone in flight.
             self.outbox.transmit(Transmit::Land);
+            self.complete_order();
+            self.durable.deadlines.limit = Some(now + self.config.spreading_grace);
+        } else {
+            self.complete_order();
+            self.outbox.transmit(Transmit::Stop);
         }
-        self.complete_order();
-        self.outbox.transmit(Transmit::Stop);
     }
 
     /// The flight controller lands the drone without a command, or its pilot flies it.
@@ -370,7 +374,7 @@ impl Machine for Mission {
             Input::Navigation(NavigationNotice::UncommandedLanding(cause)) => {
                 self.handle_uncommanded_landing(cause.into());
             }
-            Input::Navigation(NavigationNotice::Landed) => self.handle_touchdown(),
+            Input::Navigation(NavigationNotice::Landed) => self.handle_touchdown(now),
             Input::Navigation(NavigationNotice::Failing {
                 failure,
                 stop,
@@ -402,7 +406,9 @@ impl Machine for Mission {
         {
             self.durable.deadlines.limit = None;
             let is_moving = matches!(self.durable.state, State::Following | State::MovingToLand);
-            if self.durable.orders.pending.is_some() || is_moving {
+            if self.durable.state == State::Finished {
+                self.outbox.transmit(Transmit::Stop);
+            } else if self.durable.orders.pending.is_some() || is_moving {
                 self.land_on_the_spot(LandingReason::Overdue);
             } else {
                 self.leave_out_late_members();

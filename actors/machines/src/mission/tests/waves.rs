@@ -1,6 +1,7 @@
 //! Waves of take-off, crossing and landing.
 
 use super::*;
+use crate::formation::WaveLimits;
 use crate::mission::Step;
 
 const DRONES: u32 = 19;
@@ -11,7 +12,14 @@ fn config_in_waves(id: u32) -> Config {
     let drones = NonZeroU32::new(DRONES).unwrap();
     let separation = config.layout.separation();
     let mesh = Formation::new(Kind::CompactMesh, drones, 40.0, 0.0);
-    let layout = Layout::new(mesh, 10.0, separation).in_waves(0);
+    let limits = WaveLimits {
+        layers_max: 0,
+        link_m: 40.0,
+        ground_link_m: 40.0,
+        hops_max: u32::MAX,
+        searches_on: false,
+    };
+    let layout = Layout::new(mesh, 10.0, separation).in_waves(limits);
     let line = Formation::new(Kind::Linear, drones, 40.0, 0.0);
     let change = Change::new(2, &layout, line);
     assert!(layout.take_off_waves() > 2 && layout.landing_waves() > 2 && change.waves() > 1);
@@ -162,8 +170,11 @@ fn drone_lands_in_its_wave_and_acknowledges_on_the_ground() {
         wave,
         apart: false,
     };
-    let mut member =
-        member_at_last_waypoint(config_where(|it, id| it.layout.landing_wave(id) == 1));
+    let config = Config {
+        spreading_grace: 6 * SECOND,
+        ..config_where(|it, id| it.layout.landing_wave(id) == 1)
+    };
+    let mut member = member_at_last_waypoint(config);
     let transmits = deliver(&mut member, 2, &lands(0));
     assert_eq!(
         (goal(&transmits), transmits.contains(&acknowledgement(2))),
@@ -179,6 +190,14 @@ fn drone_lands_in_its_wave_and_acknowledges_on_the_ground() {
     let landed = Input::Navigation(NavigationNotice::Landed);
     let transmits = send(&mut member, 60.0, landed);
     assert!(transmits.contains(&acknowledgement(3)) && transmits.contains(&Transmit::Land));
+    assert!(
+        !transmits.contains(&Transmit::Stop),
+        "it repeats the announcement"
+    );
+    assert_eq!(
+        stimulate(&mut member, 66.0, Stimulus::Timeout).0,
+        [Transmit::Stop]
+    );
 }
 
 #[test]

@@ -1,10 +1,21 @@
 //! Take-off, crossing and landing in waves.
 
 use super::*;
-use crate::formation::{Change, Path};
+use crate::formation::{Change, Path, WaveLimits};
 
 /// Altitude of the slots, in metres.
 const SLOTS_M: f64 = 30.0;
+
+fn in_waves(layout: Layout, layers_max: u32) -> Layout {
+    let link_m = layout.formation().longest_link_m(f64::INFINITY);
+    layout.in_waves(WaveLimits {
+        layers_max,
+        link_m,
+        ground_link_m: 40.0,
+        hops_max: u32::MAX,
+        searches_on: false,
+    })
+}
 
 /// Path of a drone between ground and slot; flown in either direction.
 fn ground_path(layout: &Layout, ground: Ned, layer_m: f64, id: NodeId) -> [Path; 3] {
@@ -71,8 +82,8 @@ proptest! {
         heading_rad in 0.0..6.3_f64,
     ) {
         let layout = Layout::new(formation(kind, drones, 60.0, heading_rad), 10.0, SEPARATION)
-            .with_ground(ground)
-            .in_waves(layers_max);
+            .with_ground(ground);
+        let layout = in_waves(layout, layers_max);
         let layers_m = layout.take_off_layers_m();
         let up: Vec<_> = (0..drones).map(NodeId).map(|id| {
             let stand = layout.take_off_place(id, Ned::HOME);
@@ -102,8 +113,8 @@ proptest! {
         drones in 2_u32..50,
         layers_max in 1_u32..4,
     ) {
-        let layout = Layout::new(formation(from, drones, 60.0, 0.0), 10.0, SEPARATION)
-            .in_waves(layers_max);
+        let layout = Layout::new(formation(from, drones, 60.0, 0.0), 10.0, SEPARATION);
+        let layout = in_waves(layout, layers_max);
         let change = Change::new(0, &layout, formation(to, drones, 60.0, 0.0));
         let at = Ned::new(0.0, 0.0, -SLOTS_M);
         let paths: Vec<_> = (0..drones).map(NodeId).map(|id| {
@@ -135,7 +146,7 @@ fn hundred_drones_in_a_grid_fly_in_waves_with_eight_layers() {
         SEPARATION,
     );
     assert!(layout.take_off_layers_m().iter().any(|it| *it > 8.0 * 5.5));
-    let layout = layout.in_waves(8);
+    let layout = in_waves(layout, 8);
     assert!(layout.take_off_layers_m().iter().all(|it| *it <= 8.0 * 5.5));
     assert!(
         (2..=10).contains(&layout.take_off_waves()),
@@ -147,6 +158,6 @@ fn hundred_drones_in_a_grid_fly_in_waves_with_eight_layers() {
 
 #[test]
 fn all_fly_in_one_wave_if_layers_suffice() {
-    let layout = Layout::new(line(15, 160.0, 0.0), 10.0, SEPARATION).in_waves(3);
+    let layout = in_waves(Layout::new(line(15, 160.0, 0.0), 10.0, SEPARATION), 3);
     assert_eq!((layout.take_off_waves(), layout.landing_waves()), (1, 1));
 }

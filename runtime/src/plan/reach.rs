@@ -1,0 +1,259 @@
+//! For how long drones are out of the master's reach while all fly as planned.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use muster_machines::formation::{FlightPlan, Path, Paths, Phase, PhaseKind, SEARCHED_MAX};
+use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+use muster_machines::mission::Succession;
+use muster_machines::navigation;
+
+use super::Protocol;
+
+/// Time between two looks at who reaches whom, in seconds: of up to [`SEARCHED_MAX`] drones, and of more.
+const STEPS_S: [f64; 2] = [1.0, 10.0];
+
+/// Most looks in a phase, for slow vehicles.
+const LOOKS_MAX: f64 = 600.0;
+
+impl Protocol {
+    /// Additional tolerance for a silent master while routes change.
+    pub(super) fn spreading_grace(&self) -> Duration {
+        match self.succession {
+            Succession::Elect => self.time_to_live * 3,
+            Succession::Land => self.time_to_live,
+        }
+    }
+
+    /// For how long a drone may be out of the master's reach in a phase by plan: half of what the two put up with, because a
+    /// plan knows when drones arrive only roughly.
+    #[must_use]
+    pub fn tolerated(&self, kind: PhaseKind) -> Duration {
+        let grace = match (kind, self.succession) {
+            (PhaseKind::Leg { .. } | PhaseKind::Land { .. }, _) | (_, Succession::Land) => {
+                Duration::ZERO
+            }
+            _ => self.spreading_grace(),
+        };
+        (self.time_to_live + grace) / 2
+    }
+}
+
+/// A flight in which all drones start each phase at once and none is late.
+pub struct PlannedFlight<'a> {
+    /// The plan.
+    pub flight: FlightPlan<'a>,
+    /// Speeds of the drones.
+    pub vehicle: &'a navigation::Config,
+    /// Time to come to rest at the end of a path.
+    pub settle: Duration,
+    /// Radio range, in metres.
+    pub range_m: f64,
+    /// Places of stationary relays.
+    pub relays: &'a [Ned],
+}
+
+/// Drones that are out of the master's reach in a phase, though they would reach it if all were in their slots.
+pub struct Unreached {
+    /// What is flown.
+    pub kind: PhaseKind,
+    /// For how long each of them is out of reach by the end of the phase, without a break; since earlier phases, if it was so
+    /// before.
+    pub drones: Vec<(NodeId, Duration)>,
+}
+
+impl Unreached {
+    /// The longest time for which one of them is out of reach; zero without one.
+    #[must_use]
+    pub fn longest(&self) -> Duration {
+        let times = self.drones.iter().map(|(_, out)| *out);
+        times.max().unwrap_or_default()
+    }
+}
+
+impl PlannedFlight<'_> {
+    /// Who is out of reach in each phase that is not a leg, for longer than `tolerated`. Takes time in proportion to the length of
+    /// the flight and, for most formations, to the number of drones.
+    pub fn unreached(
+        &self,
+        tolerated: impl Fn(PhaseKind) -> Duration,
+    ) -> impl Iterator<Item = Unreached> {
+        let drones = self.flight.layout.formation().drones() as usize;
+        // Drones that links connect with the master in the slots of a formation.
+        let mut in_slots: BTreeMap<u16, Vec<bool>> = BTreeMap::new();
+        let mut out_s = vec![0.0; drones];
+        let phases = self.flight.phases();
+        let phases = phases.filter(|phase| !phase.is_translation());
+        phases.map(move |phase| {
+            let connected = in_slots.entry(phase.changes).or_insert_with(|| {
+                let layout = self.flight.layout_after(phase.changes);
+                let ids = (0..layout.formation().drones()).map(NodeId);
+                self.reached(ids.map(|id| layout.slot(id, self.flight.waypoints[phase.waypoint])))
+            });
+            let longest_s = self.longest_s(&phase, &mut out_s);
+            let tolerated = tolerated(phase.kind);
+            let out = longest_s.into_iter().zip(connected).zip(0..);
+            let out = out.filter(|((_, is_connected), _)| **is_connected);
+            let duration = |seconds| Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX);
+            let out = out.map(|((out_s, _), id)| (NodeId(id), duration(out_s)));
+            Unreached {
+                kind: phase.kind,
+                drones: out.filter(|(_, out)| *out > tolerated).collect(),
+            }
+        })
+    }
+
+    /// For how long each drone is out of reach at most; `out_s` is the time before and, on return, at the end of the phase.
+    fn longest_s(&self, phase: &Phase, out_s: &mut [f64]) -> Vec<f64> {
+        let times_s = phase.paths.iter().map(|paths| self.paths_s(paths));
+        let phase_s = times_s.fold(0.0, f64::max);
+        let mut longest_s = out_s.to_vec();
+        let step_s = STEPS_S[usize::from(out_s.len() > SEARCHED_MAX)].max(phase_s / LOOKS_MAX);
+        let mut at_s = 0.0;
+        while at_s < phase_s {
+            at_s = phase_s.min(at_s + step_s);
+            let reached = self.reached(phase.paths.iter().map(|it| self.place(it, at_s)));
+            let each = out_s.iter_mut().zip(&mut longest_s);
+            for ((out_s, longest_s), (paths, is_reached)) in
+                each.zip(phase.paths.iter().zip(reached))
+            {
+                // A drone that is told to land needs no further order.
+                let is_told = matches!(phase.kind, PhaseKind::Land { .. })
+                    && paths[paths.len() - 1].to.altitude_m() <= 0.0;
+                let is_out = !is_reached && !is_told;
+                *out_s = if is_out { *out_s + step_s } else { 0.0 };
+                *longest_s = longest_s.max(*out_s);
+            }
+        }
+        longest_s
+    }
+
+    /// Time from rest to rest, in seconds.
+    fn path_s(&self, path: Path) -> f64 {
+        let up_m = path.to.altitude_m() - path.from.altitude_m();
+        let vertical_mps = if up_m > 0.0 {
+            self.vehicle.climb_mps
+        } else {
+            self.vehicle.descent_mps
+        };
+        let over_ground_s = path.from.horizontal_distance_m(path.to) / self.vehicle.speed_mps;
+        let level_s = over_ground_s.max(up_m.abs() / vertical_mps);
+        if level_s > 0.0 {
+            level_s
+                + self.vehicle.speed_mps / self.vehicle.acceleration_mps2
+                + self.settle.as_secs_f64()
+        } else {
+            0.0
+        }
+    }
+
+    fn paths_s(&self, paths: &Paths) -> f64 {
+        paths.iter().map(|path| self.path_s(*path)).sum()
+    }
+
+    /// Where a drone is at a time after the start of its paths.
+    fn place(&self, paths: &Paths, at_s: f64) -> Ned {
+        let mut left_s = at_s;
+        for path in paths {
+            let path_s = self.path_s(*path);
+            if left_s < path_s {
+                return Ned(path.from.0.lerp(&path.to.0, left_s / path_s));
+            }
+            left_s -= path_s;
+        }
+        paths[paths.len() - 1].to
+    }
+
+    /// Whether links connect each drone with the master, over other drones and relays.
+    fn reached(&self, places: impl Iterator<Item = Ned>) -> Vec<bool> {
+        let places: Vec<Ned> = places.chain(self.relays.iter().copied()).collect();
+        let master = self.flight.layout.formation().centre().0 as usize;
+        let mut southmost_first: Vec<(f64, usize)> = Vec::with_capacity(places.len());
+        southmost_first.extend((places.iter().map(|it| it.north_m())).zip(0..));
+        southmost_first.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
+        let mut reached = vec![false; places.len()];
+        reached[master] = true;
+        let mut next = vec![master];
+        while let Some(from) = next.pop() {
+            let (place, north_m) = (places[from], places[from].north_m());
+            let first = southmost_first.partition_point(|(it, _)| *it < north_m - self.range_m);
+            let near = southmost_first[first..].iter();
+            let near = near.take_while(|(it, _)| *it <= north_m + self.range_m);
+            for (_, other) in near {
+                let is_new = !reached[*other]
+                    && (places[*other] - place).0.norm_squared() <= self.range_m * self.range_m;
+                if is_new {
+                    reached[*other] = true;
+                    next.push(*other);
+                }
+            }
+        }
+        reached.truncate(self.flight.layout.formation().drones() as usize);
+        reached
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::num::NonZeroU32;
+
+    use muster_machines::formation::{Change, Formation, Kind, Layout, Separation};
+
+    use super::*;
+
+    /// The phases of a line of nine, 50 m apart, which becomes a matrix, in which a drone is out of a range of 60 m for over 10 s.
+    fn unreached(vertical_m: f64, relays: &[Ned]) -> Vec<PhaseKind> {
+        let formation = |kind| Formation::new(kind, NonZeroU32::new(9).unwrap(), 50.0, 0.0);
+        let separation = Separation {
+            horizontal_m: 5.0,
+            vertical_m,
+        };
+        let layout = Layout::new(formation(Kind::Linear), 10.0, separation);
+        let change = Change::new(1, &layout, formation(Kind::CompactMatrix));
+        let waypoints = [0.0, 100.0].map(|north_m| Ned::new(north_m, 0.0, -20.0));
+        let vehicle = navigation::Config {
+            speed_mps: 10.0,
+            climb_mps: 2.5,
+            descent_mps: 2.5,
+            acceleration_mps2: 1.0,
+            failsafe: navigation::Failsafe {
+                position_hold: Duration::ZERO,
+                battery_low: 0.0,
+                battery_critical: 0.0,
+                fence: None,
+            },
+            avoid: None,
+        };
+        let planned = PlannedFlight {
+            flight: FlightPlan {
+                layout: &layout,
+                changes: &[change],
+                waypoints: &waypoints,
+            },
+            vehicle: &vehicle,
+            settle: Duration::ZERO,
+            range_m: 60.0,
+            relays,
+        };
+        let phases = planned.unreached(|_| Duration::from_secs(10));
+        let phases = phases.filter(|it| !it.drones.is_empty());
+        phases.map(|it| it.kind).collect()
+    }
+
+    #[test]
+    fn drones_in_sectors_far_above_each_other_are_out_of_reach() {
+        let crosses = PhaseKind::Cross { change: 0, wave: 0 };
+        assert!(unreached(40.0, &[]).contains(&crosses));
+        assert_eq!(unreached(1.0, &[]), []);
+    }
+
+    #[test]
+    fn relays_keep_drones_in_reach() {
+        let between: Vec<Ned> = (-8..=8)
+            .flat_map(|east| [-50, -90].map(|down| (east, down)))
+            .map(|(east, down)| Ned::new(100.0, f64::from(east) * 25.0, f64::from(down)))
+            .collect();
+        assert_eq!(unreached(40.0, &between), []);
+    }
+}
