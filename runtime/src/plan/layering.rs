@@ -48,12 +48,13 @@ impl Headroom {
     /// The room of a swarm that needs links of `link_m` metres over ground: up to the ceiling, and at most as high as
     /// drones so far apart, one in the lowest and one in the highest layer, are in radio range.
     fn with_links_of(&self, link_m: f64) -> Room {
-        let within_range_m = (self.range_m * self.range_m - link_m * link_m).sqrt();
-        Room {
-            height_m: self.below_ceiling_m.min(within_range_m),
+        let mut room = Room {
+            height_m: self.below_ceiling_m,
             range_m: self.range_m,
             begin_m: self.begin_m,
-        }
+        };
+        room.height_m = room.height_m.min(room.in_range_m(link_m));
+        room
     }
 }
 
@@ -67,9 +68,9 @@ struct Room {
 }
 
 impl Room {
-    /// Distance over ground of two drones that are in range with a difference in height, in metres.
-    fn link_m(&self, height_m: f64) -> f64 {
-        let squared = self.range_m * self.range_m - height_m * height_m;
+    /// Largest distance over ground of drones in range with a difference in height, or the reverse; in metres.
+    fn in_range_m(&self, other_m: f64) -> f64 {
+        let squared = self.range_m * self.range_m - other_m * other_m;
         squared.max(0.0).sqrt()
     }
 
@@ -88,12 +89,12 @@ impl Room {
             reason = "clamped"
         )]
         let fit = fit as u32;
-        let ground_link_m = self.link_m(self.begin_m);
+        let ground_link_m = self.in_range_m(self.begin_m);
         std::iter::successors(Some(fit), |layers| Some(layers / 2))
             .take_while(|it| *it > 0)
             .map(move |layers_max| WaveLimits {
                 layers_max,
-                link_m: self.link_m(f64::from(layers_max) * layer_spacing_m),
+                link_m: self.in_range_m(f64::from(layers_max) * layer_spacing_m),
                 ground_link_m,
                 hops_max,
                 searches_on,

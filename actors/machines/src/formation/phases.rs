@@ -87,8 +87,8 @@ impl Phase {
     }
 }
 
-/// Displacements that differ by less, in metres, are equal but for rounding.
-const SAME_M: f64 = 1e-6;
+/// Displacements and distances that differ by less, in metres, are equal but for rounding.
+pub(super) const SAME_M: f64 = 1e-6;
 
 impl<'a> FlightPlan<'a> {
     /// All phases in lockstep, in order. Each costs a few paths per drone.

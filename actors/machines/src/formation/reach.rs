@@ -4,11 +4,9 @@ use std::collections::{BTreeSet, VecDeque};
 use std::ops::Range;
 
 use super::crossings::pairs_within;
+use super::phases::SAME_M;
 use super::{Formation, WaveLimits};
 use crate::geometry::Ned;
-
-/// Distances that differ by less, in metres, are equal but for rounding.
-const SAME_M: f64 = 1e-6;
 
 impl Formation {
     /// Longest distance over ground between two slots that a swarm with links of up to `range_m` metres relies on: links
