@@ -88,6 +88,17 @@ impl Config {
     }
 }
 
+/// What a drone announced last.
+#[derive(Debug)]
+struct Announced {
+    intent: Intent,
+    /// Space that it occupies while it is heard.
+    space: OccupiedSpace,
+    /// Whether it lands.
+    lands: bool,
+    at: Timestamp,
+}
+
 /// Intents of the drones near a drone.
 #[derive(Debug)]
 pub(crate) struct Traffic {
@@ -95,7 +106,7 @@ pub(crate) struct Traffic {
     config: Config,
     /// Since when it flies in lockstep with the others; `None` if it does not.
     in_lockstep_since: Option<Timestamp>,
-    others: BTreeMap<NodeId, (Intent, Timestamp)>,
+    others: BTreeMap<NodeId, Announced>,
     /// Drones that are heard, and that may not hear this one.
     deaf: NodeSet,
 }
@@ -136,8 +147,14 @@ impl Traffic {
         let Some(intent) = intent else {
             return self.others.remove(&id).is_some();
         };
-        let before = self.others.insert(id, (intent, now));
-        before.is_none_or(|(before, _)| before != intent)
+        let announced = Announced {
+            intent,
+            space: OccupiedSpace::of(intent),
+            lands: intent.lands(),
+            at: now,
+        };
+        let before = self.others.insert(id, announced);
+        before.is_none_or(|before| before.intent != intent)
     }
 
     /// Whether a path may be started: no other drone is near it or on a path that comes near it.
@@ -154,8 +171,8 @@ impl Traffic {
 
     /// Whether another drone may hear this one: it is heard itself, and is not known to be deaf.
     fn may_hear(&self, now: Timestamp, id: NodeId) -> bool {
-        let heard_at = self.others.get(&id).map(|(_, at)| *at);
-        heard_at.is_some_and(|at| !self.is_silent(now, at)) && !self.deaf.contains(id)
+        let other = self.others.get(&id);
+        other.is_some_and(|it| !self.is_silent(now, it.at)) && !self.deaf.contains(id)
     }
 
     /// A place beside a landing column, at the same altitude, if the path to it and the column below it are clear.
@@ -207,7 +224,7 @@ impl Traffic {
     pub(crate) fn is_below_another(&self, now: Timestamp, here: Ned) -> bool {
         // One that is heard and doesn't land stays up. That is nearly always so, and this is asked with each telemetry.
         let mut others = self.others.values();
-        let all_stay_up = others.all(|(intent, at)| !intent.lands() && !self.is_silent(now, *at));
+        let all_stay_up = others.all(|it| !it.lands && !self.is_silent(now, it.at));
         if all_stay_up || here.altitude_m() < GROUND_ALTITUDE_M {
             return false;
         }
@@ -218,16 +235,16 @@ impl Traffic {
 
     /// Whether a drone lands, or is silent and its aircraft may.
     fn comes_down(&self, id: NodeId, space: &OccupiedSpace) -> bool {
-        let lands = space.precedence == Precedence::Priority && self.others[&id].0.lands();
+        let lands = space.precedence == Precedence::Priority && self.others[&id].lands;
         lands || space.may_descend && !self.deaf.contains(id)
     }
 
     /// Whether drone `id` would come down here if it fell silent now.
     pub(crate) fn is_above(&self, id: NodeId, here: Ned) -> bool {
-        self.others.get(&id).is_some_and(|(intent, _)| {
+        self.others.get(&id).is_some_and(|other| {
             let space = OccupiedSpace {
                 may_descend: true,
-                ..OccupiedSpace::of(*intent)
+                ..other.space
             };
             self.is_near(&space, Path::stationary(here))
         })
@@ -283,21 +300,22 @@ impl Traffic {
         remaining: Path,
         whole: Path,
     ) -> impl Iterator<Item = (NodeId, OccupiedSpace)> {
-        let here = Path {
-            from: remaining.from,
-            to: remaining.from,
-        };
+        let here = Path::stationary(remaining.from);
         self.occupied(now, remaining.from)
             .filter(move |(id, space)| {
+                // Few are near, which is cheap to tell.
+                if !self.is_near(space, remaining) {
+                    return false;
+                }
+                let other = &self.others[id];
                 let is_parallel = space.precedence == Precedence::Leg && {
-                    let other = self.others[id].0.path();
-                    let difference_m =
-                        ((whole.to - whole.from).0 - (other.to - other.from).0).norm();
+                    let path = other.intent.path();
+                    let difference_m = ((whole.to - whole.from).0 - (path.to - path.from).0).norm();
                     difference_m < PARALLEL_M
                 };
                 let is_in_lockstep = self.in_lockstep_since.is_some()
                     && self.config.has_followers
-                    && self.others[id].0.is_following();
+                    && other.intent.is_following();
                 let is_near_here = match space.precedence {
                     Precedence::Leg => space.is_near(here, self.separation_plus(-ROUNDING_M)),
                     Precedence::Priority if self.brakes(*id) => {
@@ -305,13 +323,13 @@ impl Traffic {
                     }
                     _ => self.is_near(space, here),
                 };
-                !is_parallel && !is_in_lockstep && self.is_near(space, remaining) && !is_near_here
+                !is_parallel && !is_in_lockstep && !is_near_here
             })
     }
 
     /// Whether a drone with priority brakes: it neither lands nor follows a master.
     fn brakes(&self, id: NodeId) -> bool {
-        !self.config.has_followers && !self.others[&id].0.lands()
+        !self.config.has_followers && !self.others[&id].lands
     }
 
     fn is_near(&self, space: &OccupiedSpace, path: Path) -> bool {
@@ -332,35 +350,39 @@ impl Traffic {
 
     /// Space that others may occupy, as seen from `here`.
     fn occupied(&self, now: Timestamp, here: Ned) -> impl Iterator<Item = (NodeId, OccupiedSpace)> {
-        let apart_m = move |intent: &Intent| here.distance_m(intent.remaining().from);
-        let heard = self.others.values();
-        let heard = heard.filter(move |(_, at)| !self.is_silent(now, *at));
-        let reach_m = heard.map(|(intent, _)| apart_m(intent)).fold(0.0, f64::max);
-        self.others.iter().filter_map(move |(id, (intent, at))| {
-            let silent = now.since(*at);
-            let space = if !self.is_silent(now, *at) {
+        let apart_m = move |other: &Announced| here.distance_m(other.space.path.from);
+        let is_heard = move |other: &&Announced| !self.is_silent(now, other.at);
+        let others = || self.others.values();
+        // Asked for only if one is silent, which is seldom.
+        let reach_m = if others().all(|it| is_heard(&it)) {
+            f64::INFINITY
+        } else {
+            others().filter(is_heard).map(apart_m).fold(0.0, f64::max)
+        };
+        self.others.iter().filter_map(move |(id, other)| {
+            let space = if is_heard(&other) {
                 Some(OccupiedSpace {
                     may_descend: self.deaf.contains(*id),
-                    ..OccupiedSpace::of(*intent)
+                    ..other.space
                 })
             } else {
-                let is_in_reach = apart_m(intent) <= reach_m * SURELY_HEARD;
-                let intent = self.where_ordered(*at, *intent);
-                self.space_of_silent(silent, intent, is_in_reach)
+                let is_in_reach = apart_m(other) <= reach_m * SURELY_HEARD;
+                let intent = self.where_ordered(other);
+                self.space_of_silent(now.since(other.at), intent, is_in_reach)
             };
             Some((*id, space?))
         })
     }
 
-    /// The intent of a silent drone that was heard at `at`, or its arrival, if an order to fly in lockstep came while it was
-    /// silent: the master gives such an order when all have arrived.
-    fn where_ordered(&self, at: Timestamp, intent: Intent) -> Intent {
-        let silent_from = at + self.config.silent_after();
+    /// The intent of a silent drone, or its arrival, if an order to fly in lockstep came while it was silent: the master
+    /// gives such an order when all have arrived.
+    fn where_ordered(&self, other: &Announced) -> Intent {
+        let silent_from = other.at + self.config.silent_after();
         let has_arrived = self.in_lockstep_since.is_some_and(|it| silent_from <= it);
-        if has_arrived && !intent.lands() {
-            intent.arrived()
+        if has_arrived && !other.lands {
+            other.intent.arrived()
         } else {
-            intent
+            other.intent
         }
     }
 
