@@ -147,7 +147,6 @@ impl Swarm {
                 policy: routing.policy.checkpoint(),
             });
         }
-        let by_age = |it: &(Ballot, u32)| (it.0.term, it.1);
         let known = [drone.forgotten, drone.announced];
         let remembers = |(ballot, heartbeat): &(Ballot, u32)| {
             let common = drone.checkpoint.as_ref().map(|it| &it.common);
@@ -182,7 +181,11 @@ impl Swarm {
         for (to, ballot, payload) in sent {
             let header = wire::decode_tree(&payload).unwrap().header;
             if header.hops.is_some() {
-                self.drones[id].announced = Some((ballot, header.heartbeat - header.lag));
+                // A route becomes older if the parent restarts from an older checkpoint.
+                let announced = (ballot, header.heartbeat - header.lag);
+                let before = self.drones[id].announced;
+                self.drones[id].announced =
+                    before.into_iter().chain([announced]).max_by_key(by_age);
             }
             for receiver in 0..self.network.drones {
                 let is_delivered = self.rng.random_range(0..16) < self.links[id][receiver];
@@ -318,6 +321,10 @@ impl Swarm {
             self.now
         ))
     }
+}
+
+fn by_age(route: &(Ballot, u32)) -> (u32, u32) {
+    (route.0.term, route.1)
 }
 
 fn node(id: usize) -> NodeId {
