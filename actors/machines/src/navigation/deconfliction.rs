@@ -17,6 +17,8 @@ pub(super) const RETRY_INTERVAL: Duration = Duration::from_millis(500);
 pub(super) const DETOUR_AFTER: Duration = Duration::from_secs(3);
 /// Longest wait to land while others are below.
 pub(super) const LANDING_WAIT_MAX: Duration = Duration::from_secs(10);
+/// The same with an almost empty battery: time for those below to fly aside.
+pub(super) const URGENT_LANDING_WAIT_MAX: Duration = Duration::from_secs(3);
 /// Interval of progress announcements.
 pub(super) const PROGRESS_INTERVAL: Duration = Duration::from_secs(1);
 
@@ -327,10 +329,10 @@ impl Deconfliction {
         self.next_retry = None;
     }
 
-    /// Whether to land here: the column is clear and none comes down on it, or it has waited long enough.
-    pub(super) fn may_descend(&self, now: Timestamp, column: Path) -> bool {
+    /// Whether to land here: the column is clear and none comes down on it, or it has waited for so long.
+    pub(super) fn may_descend(&self, now: Timestamp, column: Path, longest_wait: Duration) -> bool {
         let is_below_another = self.is_below_another(now, column.from);
-        self.has_waited(now, LANDING_WAIT_MAX) || self.is_clear(now, column) && !is_below_another
+        self.has_waited(now, longest_wait) || self.is_clear(now, column) && !is_below_another
     }
 
     fn is_below_another(&self, now: Timestamp, here: Ned) -> bool {

@@ -1,5 +1,6 @@
 //! Lands: straight down once nobody is below, or beside them.
 
+use super::deconfliction::{LANDING_WAIT_MAX, URGENT_LANDING_WAIT_MAX};
 use super::{Navigation, Notice, Progress};
 use crate::formation::Path;
 use crate::msp::{FlightCommand, Telemetry};
@@ -21,16 +22,25 @@ impl Navigation {
         }
     }
 
-    /// Whether to land now: the column below is clear, or the landing is urgent or has waited long enough.
+    /// Whether to land now: the column below is clear, or the landing has waited long enough.
     fn may_descend(&self, now: Timestamp, column: Path, telemetry: &Telemetry) -> bool {
-        let is_urgent = telemetry.charge <= self.config.failsafe.battery_critical;
-        is_urgent || self.deconfliction.may_descend(now, column)
+        let longest_wait = if self.is_urgent(telemetry) {
+            URGENT_LANDING_WAIT_MAX
+        } else {
+            LANDING_WAIT_MAX
+        };
+        self.deconfliction.may_descend(now, column, longest_wait)
     }
 
-    /// Holds above the traffic below, or flies to a clear landing place beside it. If there is no such place, or without a
-    /// position, it announces the descent, so that those below make room.
+    /// Whether the battery is almost empty.
+    fn is_urgent(&self, telemetry: &Telemetry) -> bool {
+        telemetry.charge <= self.config.failsafe.battery_critical
+    }
+
+    /// Holds above the traffic below, or flies to a clear landing place beside it. If there is no such place, without a
+    /// position, or with an almost empty battery, it announces the descent, so that those below make room.
     fn wait_to_descend(&mut self, now: Timestamp, column: Path, telemetry: &Telemetry) {
-        let may_fly = !self.health.is_position_lost();
+        let may_fly = !self.health.is_position_lost() && !self.is_urgent(telemetry);
         let deconfliction = &mut self.deconfliction;
         let detour = deconfliction.landing_detour(now, column);
         let is_on_detour =

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use super::*;
 use crate::formation::Separation;
 use crate::navigation::deconfliction::{
-    DETOUR_AFTER, LANDING_WAIT_MAX, PROGRESS_INTERVAL, RETRY_INTERVAL,
+    DETOUR_AFTER, LANDING_WAIT_MAX, PROGRESS_INTERVAL, RETRY_INTERVAL, URGENT_LANDING_WAIT_MAX,
 };
 use crate::traffic::{self, Intent};
 

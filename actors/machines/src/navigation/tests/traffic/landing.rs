@@ -135,15 +135,21 @@ fn drone_that_loses_its_position_on_its_way_to_land_announces_its_descent_until_
 }
 
 #[test]
-fn drone_with_critical_battery_lands_immediately() {
+fn drone_with_critical_battery_waits_until_those_below_could_fly_aside_and_flies_nowhere() {
     let mut navigation = waiting_to_land();
     let Input::Telemetry(charged) = at_rest_at(LANDING) else {
         panic!("it is telemetry");
     };
-    let critical = Telemetry {
-        charge: 0.05,
-        ..charged
+    let critical = || {
+        Input::Telemetry(Telemetry {
+            charge: 0.05,
+            ..charged
+        })
     };
-    let output = handle(&mut navigation, Input::Telemetry(critical));
-    assert!(lands(&output));
+    let output = handle(&mut navigation, critical());
+    assert!(!lands(&output));
+    assert!(output.contains(&announces_descent(LANDING)), "{output:?}");
+    let latest = Timestamp::ZERO + URGENT_LANDING_WAIT_MAX;
+    still_below(&mut navigation, latest);
+    assert!(lands(&handle_at(&mut navigation, latest, critical())));
 }
