@@ -105,7 +105,7 @@ impl<T, E> Outbox<T, E> {
         self.push(Output::Event(event));
     }
 
-    /// Puts an event before all other outputs.
+    /// Puts an event before all other outputs. Once a step: a second event would come before the first.
     pub(crate) fn event_first(&mut self, event: E) {
         if let Some(first) = self.first.replace(Output::Event(event)) {
             self.others.push_front(first);

@@ -100,6 +100,8 @@ pub struct Host {
     telemetry: Option<Duration>,
     /// `None` while the agent doesn't run, and without a period.
     next_telemetry: Option<Timestamp>,
+    /// Whether the agent's durable state has changed in this step.
+    has_changed: bool,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -143,6 +145,7 @@ impl Host {
             is_informed: false,
             is_leader_silent: false,
             next_telemetry: None,
+            has_changed: false,
             outbox: Outbox::new(),
         }
     }
@@ -203,8 +206,7 @@ impl Host {
         }
         if goal.is_some() || kept.is_some() {
             self.state.durable.kept = kept.or(self.state.durable.kept.take());
-            let checkpoint = Box::new(self.state.durable.clone());
-            self.outbox.event_first(Event::AgentCheckpoint(checkpoint));
+            self.has_changed = true;
         }
         for observed in self.state.requests.drain_observed() {
             self.outbox.event(Event::Observed(observed));
@@ -215,6 +217,14 @@ impl Host {
         if self.state.requests.take_landing() {
             self.mission.end_task(LandingReason::MissionOver);
             self.take_mission_outputs();
+        }
+    }
+
+    /// Emits a checkpoint before all other outputs of the step, if the agent's durable state changed.
+    fn emit_checkpoint(&mut self) {
+        if std::mem::take(&mut self.has_changed) {
+            let checkpoint = Box::new(self.state.durable.clone());
+            self.outbox.event_first(Event::AgentCheckpoint(checkpoint));
         }
     }
 
@@ -375,6 +385,7 @@ impl Machine for Host {
             input => self.mission.handle_input(now, input),
         }
         self.follow_mission(now);
+        self.emit_checkpoint();
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
@@ -391,6 +402,7 @@ impl Machine for Host {
         if self.is_running() {
             self.locate_if_due(now);
         }
+        self.emit_checkpoint();
     }
 
     fn poll_output(&mut self) -> Output<Transmit, Event> {

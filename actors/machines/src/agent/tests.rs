@@ -76,8 +76,11 @@ impl Agent for Recorder {
         context.observe("ticks", 1.0);
     }
 
-    fn swarm(&mut self, event: SwarmEvent, _context: &mut Context<'_>) {
+    fn swarm(&mut self, event: SwarmEvent, context: &mut Context<'_>) {
         self.record(format!("{event:?}"));
+        if let SwarmEvent::MessageSent { id, .. } = event {
+            context.keep(format!("sent {}", id.0).as_bytes()).unwrap();
+        }
     }
 }
 
@@ -313,6 +316,15 @@ fn agent_starts_once_its_drone_is_on_task_and_its_checkpoint_leaves_first() {
     assert!(place("AgentCheckpoint") < place("Messages"));
     assert!(place("AgentCheckpoint") < place("Goal(FlyTo"));
     assert!(emitted.iter().any(|it| it.starts_with("Acknowledge")));
+}
+
+#[test]
+fn a_restart_gets_what_the_agent_kept_last_in_a_step() {
+    let mut drone = member_on_task();
+    let sent = [4, 5].map(|id| (id, Outcome::Delivered));
+    drone.notice(Notice::Sent(sent.to_vec()));
+    let checkpoint = drone.checkpoints.1.unwrap();
+    assert_eq!(checkpoint.kept.as_deref(), Some(&b"sent 5"[..]));
 }
 
 #[test]

@@ -99,14 +99,12 @@ pub(super) struct Dissemination<P> {
 impl<P: Policy> Dissemination<P> {
     pub(super) fn new(mut shared: SharedState, policy: impl FnOnce(&mut SharedState) -> P) -> Self {
         let policy = policy(&mut shared);
-        let mut routing = Self {
+        Self {
             deadline: policy.deadline(&shared),
             shared,
             policy,
             messages: None,
-        };
-        routing.emit_checkpoint();
-        routing
+        }
     }
 
     pub(super) fn occupancy(&self) -> (usize, usize) {

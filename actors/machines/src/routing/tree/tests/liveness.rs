@@ -1,6 +1,7 @@
 //! Detection of a lost parent and a lost master.
 
 use super::*;
+use crate::routing;
 use crate::routing::heartbeat::RESTART_GAP;
 use crate::routing::tree::quality::{PROBES_MAX, Quality};
 
@@ -314,6 +315,46 @@ fn restart(node: &Node, millis: u64) -> (Node, usize) {
     }
     restarted.now = until;
     (restarted, sent)
+}
+
+/// The checkpoints of a step, oldest first.
+fn checkpoints(
+    routing: &mut Dissemination<TreePolicy>,
+    now: Timestamp,
+) -> Vec<routing::Checkpoint> {
+    let mut emitted = Vec::new();
+    step(routing, now, Stimulus::Timeout, |it| {
+        if let Emitted::Event(Event::Checkpoint(checkpoint)) = it {
+            emitted.push(*checkpoint);
+        }
+    });
+    emitted
+}
+
+#[test]
+fn a_second_restart_knows_the_sequences_that_the_first_one_used() {
+    let mut master = Node::new(0);
+    master.input(Input::Lead(MASTER));
+    master.next_heartbeat();
+    let mut durable = master.routing.shared.durable.clone();
+    for restart in 1..4 {
+        let own = (durable.clone(), master.routing.policy.durable.clone());
+        let shared = SharedState::new(NodeId(0), 4, restart);
+        let mut restarted = Dissemination::new(shared, |shared| {
+            TreePolicy::new(config(0), shared, master.now, Some(own))
+        });
+        let stored = checkpoints(&mut restarted, master.now).pop().unwrap();
+        let (stored, used) = (
+            stored.common.heartbeats,
+            restarted.shared.durable.heartbeats,
+        );
+        assert!(used.master > durable.heartbeats.master, "a heartbeat left");
+        assert!(
+            stored.reserved() > used.own.max(used.master),
+            "restart {restart} stored {stored:?} and used {used:?}"
+        );
+        durable.heartbeats = stored;
+    }
 }
 
 #[test]
