@@ -39,6 +39,9 @@ impl Recordings {
             if path.is_dir() || path.file_name().is_none() {
                 return Err(refuse(path, "is a folder"));
             }
+            if path.exists() && !path.is_file() {
+                return Err(refuse(path, "is not a file but a device or a pipe"));
+            }
             if seen.contains(&path) {
                 return Err(refuse(path, "is given for two recordings"));
             }
@@ -64,7 +67,9 @@ impl Recordings {
     ) -> Result<Vec<PathBuf>, WriteError> {
         self.paths()
             .map(|(recording, path)| {
-                recording.write(path, report, flight)?;
+                // A link stays, and what it points to is written.
+                let target = path.canonicalize();
+                recording.write(target.as_deref().unwrap_or(path), report, flight)?;
                 Ok(path.to_owned())
             })
             .collect()

@@ -1,5 +1,6 @@
 //! Figures derived from a report, and their text form.
 
+use std::cmp::Reverse;
 use std::path::Path;
 
 use muster_runtime::agents::Agents;
@@ -89,8 +90,7 @@ impl Report {
     /// Whether all swarms of the run completed their missions, each in contact.
     #[must_use]
     pub fn are_missions_completed(&self) -> bool {
-        let is_completed = |report: &Self| report.mission_completed && report.never_met.is_empty();
-        self.swarms().all(is_completed)
+        self.swarms().all(|report| report.mission_completed)
     }
 
     /// Reports of all swarms of the run, the scenario's own first.
@@ -105,10 +105,11 @@ impl Report {
         self.changes.iter().filter(all).count()
     }
 
-    /// The master; the one with the lowest id if there are several.
+    /// The master; of several, as after an election, the one that reached the most waypoints, then that with the lowest id.
     #[must_use]
     pub fn master(&self) -> Option<&DroneReport> {
-        self.drones.iter().find(|drone| drone.role == Role::Master)
+        let masters = self.drones.iter().filter(|it| it.role == Role::Master);
+        masters.max_by_key(|it| (it.waypoints, Reverse(it.id)))
     }
 
     /// Mean barrier wait; `None` without barriers.

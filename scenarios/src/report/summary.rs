@@ -68,6 +68,12 @@ impl Run<'_> {
             })
             .collect();
         let dropped = flown.recorder.dropped().iter();
+        let never_met = if self.scenario.unchecked {
+            // Links are looked at for the rules.
+            Vec::new()
+        } else {
+            never_met(&flown.recorder)
+        };
         Report {
             scenario: swarm.name.clone(),
             seed: self.scenario.seed,
@@ -90,18 +96,13 @@ impl Run<'_> {
             bridges: bridges(&flown.recorder),
             agent_failures: agent_failures(&flown.recorder),
             observed: observed(&flown.recorder),
-            never_met: if self.scenario.unchecked {
-                // Links are looked at for the rules.
-                Vec::new()
-            } else {
-                never_met(&flown.recorder)
-            },
             dropped: dropped
                 .map(|(reason, count)| (reason.to_string(), *count))
                 .collect(),
             medium: medium(self.scenario, outcome),
             min_separation_m: outcome.closest_m,
-            mission_completed: is_completed(swarm, &flown.recorder),
+            mission_completed: is_completed(swarm, &flown.recorder) && never_met.is_empty(),
+            never_met,
             interrupted: false,
             violations: outcome.violations.iter().map(Violation::from).collect(),
             unchecked: self.scenario.unchecked,

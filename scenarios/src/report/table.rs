@@ -240,12 +240,7 @@ fn swarm_summary(report: &Report) -> Vec<(&'static str, String)> {
         lines.push(("network", describe_never_met(report)));
     }
     if !report.mission_completed {
-        lines.push(("mission", incomplete_mission(report).to_owned()));
-    } else if !report.never_met.is_empty() {
-        let segments = report.never_met.len();
-        let mission =
-            format!("not completed by one swarm: {segments} segments flew it on their own");
-        lines.push(("mission", mission));
+        lines.push(("mission", incomplete_mission(report)));
     }
     lines
 }
@@ -268,19 +263,24 @@ fn describe_never_met(report: &Report) -> String {
 }
 
 /// Why a mission was not completed.
-fn incomplete_mission(report: &Report) -> &'static str {
+pub(crate) fn incomplete_mission(report: &Report) -> String {
     let has_flown = |drone: &DroneReport| drone.waypoints > 0 || drone.landed_because.is_some();
-    if !report.violations.is_empty() {
+    let landed_early = |drone: &DroneReport| drone.landed_because.is_some();
+    let segments = report.never_met.len();
+    let why = if !report.violations.is_empty() {
         "not completed: the run stopped when a rule was broken"
     } else if report.interrupted {
         "not completed: the flight was interrupted"
     } else if report.unchecked {
         "not completed"
+    } else if segments > 0 && !report.drones.iter().any(landed_early) {
+        return format!("not completed by one swarm: {segments} segments flew it on their own");
     } else if report.drones.iter().any(has_flown) {
         "not completed: drones landed before the mission was over"
     } else {
         "not flown: no drone reached the first waypoint"
-    }
+    };
+    why.to_owned()
 }
 
 /// Route and traffic of each pure relay.

@@ -21,14 +21,79 @@ const FILES: [(&str, &str); 8] = [
     (".gitignore", "/target\n/runs\n"),
 ];
 
+/// Names that cargo or the compiler refuses, or that hide a crate which the written one uses. Keywords: the Rust Reference,
+/// "Keywords", of the 2024 edition.
+const TAKEN: [&str; 59] = [
+    "abstract",
+    "alloc",
+    "as",
+    "async",
+    "await",
+    "become",
+    "box",
+    "break",
+    "const",
+    "continue",
+    "core",
+    "crate",
+    "do",
+    "dyn",
+    "else",
+    "enum",
+    "extern",
+    "false",
+    "final",
+    "fn",
+    "for",
+    "gen",
+    "if",
+    "impl",
+    "in",
+    "let",
+    "loop",
+    "macro",
+    "match",
+    "mod",
+    "move",
+    "mut",
+    "muster",
+    "override",
+    "priv",
+    "proc-macro",
+    "proc_macro",
+    "pub",
+    "ref",
+    "return",
+    "self",
+    "serde",
+    "static",
+    "std",
+    "struct",
+    "super",
+    "test",
+    "trait",
+    "true",
+    "try",
+    "type",
+    "typeof",
+    "union",
+    "unsafe",
+    "unsized",
+    "use",
+    "virtual",
+    "where",
+    "while",
+];
+
 /// Writes the crate into a new folder of this name.
 pub(super) fn run(folder: &Path, muster: Option<&Path>) -> Result<Outcome, Failure> {
     let name = folder.file_name().unwrap_or_default().to_string_lossy();
     let is_letter = |c: char| c.is_ascii_lowercase();
     let fits = name.starts_with(is_letter)
         && (name.chars()).all(|c| is_letter(c) || c.is_ascii_digit() || "-_".contains(c));
-    if !fits || name == "muster" {
-        let help = "a crate's name has lower-case letters, digits, - and _, and begins with a letter; \"muster\" is taken";
+    if !fits || TAKEN.contains(&&*name) {
+        let help = "a crate's name has lower-case letters, digits, - and _, and begins with a letter; words of Rust and names of \
+                    crates that it uses are taken";
         let message = "can't be the name of a crate";
         return Err(BadInput::without_excerpt(folder, message, help).into());
     }

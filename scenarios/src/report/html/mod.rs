@@ -15,7 +15,7 @@ mod timeline;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::figures::speedup_text;
-use super::table::UNCHECKED;
+use super::table::{UNCHECKED, incomplete_mission};
 use super::write::{REPORT_JSON, TRACKS_CSV};
 use super::{FirmwareStalls, Flight, Report};
 use muster_runtime::text::{figure, figure_or_dash, plural};
@@ -102,7 +102,22 @@ fn head(report: &Report) -> Markup {
             (card("Messages received, mean", Some(report.means.messages_received), 0, "per drone"))
             (card("Barrier wait, mean", report.mean_wait_s(), 2, "s"))
             (card("Closest approach", report.min_separation_m, 1, "m"))
+            (mission(report))
             (verdict(report))
+        }
+    }
+}
+
+fn mission(report: &Report) -> Markup {
+    html! {
+        div.card.{ @if report.mission_completed { "good" } @else { "bad" } } {
+            p { "Mission" }
+            @if report.mission_completed {
+                p.value { span.sign { "✓" } " completed" }
+            } @else {
+                p.value { span.sign { "✕" } " incomplete" }
+                p { (incomplete_mission(report)) }
+            }
         }
     }
 }
@@ -125,10 +140,11 @@ fn verdict(report: &Report) -> Markup {
         div.card.{ @if broken == 0 && !report.unchecked { "good" } @else { "bad" } } {
             p { "Rules broken" }
             p.value {
-                @if report.unchecked { (UNCHECKED) }
+                @if report.unchecked { "?" }
                 @else if broken == 0 { span.sign { "✓" } " none" }
                 @else { span.sign { "✕" } " " (plural(broken, "time")) }
             }
+            @if report.unchecked { p { (UNCHECKED) } }
         }
     }
 }

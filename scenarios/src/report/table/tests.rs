@@ -65,6 +65,7 @@ fn plain_table_has_no_escapes() {
 fn table_names_segments_that_never_met() {
     let (mut report, _) = sample::swarm(7);
     report.never_met = (0..7).map(|id| vec![id]).collect();
+    report.mission_completed = false;
     let text = table(&report, None, Colour::Never);
     let network = "network      7 segments never heard each other in their slots: drone 0; drone 1; drone 2; drone 3; \
                    drone 4; 2 more; raise `radio.range_m` or lower `formation.spacing_m`";

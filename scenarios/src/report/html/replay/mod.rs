@@ -44,7 +44,7 @@ pub(super) fn section() -> Markup {
                 p.about {
                     "Drag the time, or press play. Click a drone for its state. "
                     span.replay-keys {
-                        "Keys: " kbd { "space" } " play, " kbd { "←" } " " kbd { "→" } " a second (with " kbd { "shift" } " ten), "
+                        "Keys, after a press in the replay: " kbd { "space" } " play, " kbd { "←" } " " kbd { "→" } " a second (with " kbd { "shift" } " ten), "
                         kbd { "home" } " " kbd { "end" } ", " kbd { "n" } " " kbd { "p" } " next and previous mark."
                     }
                 }

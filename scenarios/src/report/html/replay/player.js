@@ -76,6 +76,11 @@ class Player {
     this.find("in").addEventListener("click", () => { this.map.zoom(1.5); this.draw(); });
     this.find("out").addEventListener("click", () => { this.map.zoom(1 / 1.5); this.draw(); });
     this.section.addEventListener("keydown", (event) => this.key(event));
+    // Keys work after a press anywhere in the replay.
+    this.section.tabIndex = -1;
+    this.section.addEventListener("pointerdown", (event) => {
+      if (!event.target.closest("button, input, select, label")) this.section.focus({ preventScroll: true });
+    });
     for (const plot of this.plots) this.scrub(plot);
     new Pointers(this.map, (node) => this.select(node ? node.id : null), () => this.draw());
     new ResizeObserver(() => this.resize()).observe(this.section);
