@@ -54,6 +54,35 @@ fn patrols_of_all_flats_touch_nothing_see_all_and_keep_their_time_and_their_pose
     }
 }
 
+/// From tables that are half a cell off, it believed itself half a decimetre nearer to the middle of a door than it was, and came
+/// within 0.15 m of the door's post, which passed by the failing sonars.
+#[test]
+fn drone_passes_doors_clear_of_their_posts_with_failing_sonars() {
+    let flat = prepared("flat");
+    let three = [(2, Failing::Dead), (0, Failing::Stuck), (3, Failing::Glass)];
+    let cases = [
+        (1, 10, &three[..]),
+        (2, 10, &three[..]),
+        (5, 10, &three[..]),
+        (86, 20, &three[2..]),
+    ];
+    for (seed, after_s, failing) in cases {
+        let after = Duration::from_secs(after_s);
+        let failing = failing.iter().map(|(sonar, how)| (*sonar, *how, after));
+        let setup = Setup {
+            failing: failing.collect(),
+            ..Setup::seeded(seed)
+        };
+        check_safe(&engine::run(&flat, setup), &format!("seed {seed}"));
+    }
+}
+
+/// A wall that it looked at blocked all ways of the drone, which stood still for two minutes.
+#[test]
+fn drone_leaves_a_door_post_that_it_looks_at() {
+    check_patrol(&prepared("corridor"), "corridor, seed 55", 55);
+}
+
 /// Without making room they take two times as long as without noise: drone and person wait for each other at a door.
 #[test]
 fn drone_makes_room_for_a_person_at_a_door() {

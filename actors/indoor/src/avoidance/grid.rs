@@ -1,5 +1,7 @@
 //! The certainty grid: how sure it is that something is near, in cells that move with the drone.
 
+use std::ops::Range;
+
 /// Edge of a cell, in metres (indoor thesis, Cartesian Histogram Grid).
 pub const CELL_M: f64 = 0.05;
 /// Cells a side: the 80 of the indoor thesis, and the drone's own in the middle.
@@ -78,17 +80,17 @@ impl CertaintyGrid {
     pub fn lower_cone(&mut self, (bearing_rad, aperture_rad): (f64, f64), to_m: f64) {
         let (cos, sin) = (libm::cos(bearing_rad), libm::sin(bearing_rad));
         let cos_edge = libm::cos(aperture_rad / 2.0);
-        let mut nearer = Vec::new();
-        self.visit_near(to_m, |index, _| {
+        for index in rows_near(to_m).flatten() {
+            // As in `occupied`, the drone's own cell is left out.
+            if self.cells[index] == 0 || index == OWN {
+                continue;
+            }
             let (x_m, y_m) = offset_m(index);
             let distance_m = libm::hypot(x_m, y_m);
             let is_inside = x_m * cos + y_m * sin >= cos_edge * distance_m;
             if is_inside && distance_m < to_m - CELL_M {
-                nearer.push(index);
+                self.cells[index] = self.cells[index].saturating_sub(LOWER);
             }
-        });
-        for index in nearer {
-            self.cells[index] = self.cells[index].saturating_sub(LOWER);
         }
     }
 
@@ -117,24 +119,33 @@ impl CertaintyGrid {
 
     /// Calls `visit` with each cell of [`Self::occupied`] in the square that reaches `reach_m` from the drone.
     pub(super) fn visit_near(&self, reach_m: f64, mut visit: impl FnMut(usize, u8)) {
-        let reach = ((reach_m / CELL_M).ceil() as i64).clamp(0, REACH);
-        let (from, end) = ((REACH - reach) as usize, (REACH + reach + 1) as usize);
-        let mut visit_all = |first: usize, end: usize| {
-            with_certainty(&self.cells[first..end], first)
+        let mut visit_all = |cells: Range<usize>| {
+            let first = cells.start;
+            with_certainty(&self.cells[cells], first)
                 .for_each(|(index, certainty)| visit(index, certainty));
         };
-        if reach == REACH {
-            return visit_all(0, SIDE * SIDE);
+        if reach_cells(reach_m) == REACH {
+            return visit_all(0..SIDE * SIDE);
         }
-        for row in from..end {
-            visit_all(row * SIDE + from, row * SIDE + end);
-        }
+        rows_near(reach_m).for_each(visit_all);
     }
 
     fn index_at(&self, x_m: f64, y_m: f64) -> Option<usize> {
         let (x, y) = cell_of(x_m, y_m);
         index_of(x - self.centre.0, y - self.centre.1)
     }
+}
+
+/// Cells from the drone to the edge of a square that reaches `reach_m` from it.
+fn reach_cells(reach_m: f64) -> i64 {
+    ((reach_m / CELL_M).ceil() as i64).clamp(0, REACH)
+}
+
+/// The indices of the cells of that square, row by row.
+fn rows_near(reach_m: f64) -> impl Iterator<Item = Range<usize>> {
+    let reach = reach_cells(reach_m);
+    let (from, end) = ((REACH - reach) as usize, (REACH + reach + 1) as usize);
+    (from..end).map(move |row| row * SIDE + from..row * SIDE + end)
 }
 
 /// The cells that are not 0, from index `first` on, without the drone's own; eight empty ones cost one comparison.

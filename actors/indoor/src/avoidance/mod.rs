@@ -73,7 +73,7 @@ pub struct Situation<'a> {
     pub goal_rad: f64,
     /// Direction of the present motion.
     pub course_rad: f64,
-    /// Present speed, in m/s.
+    /// Present speed, in m/s; 0 at rest.
     pub speed_mps: f64,
     /// Present turn rate, in rad/s.
     pub turn_rate_rps: f64,

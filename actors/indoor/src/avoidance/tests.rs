@@ -72,6 +72,19 @@ fn a_wall_ahead_is_passed_on_one_side() {
     }
 }
 
+/// With the sectors that it can't turn to in motion, it had no way and waited for minutes.
+#[test]
+fn drone_at_rest_before_a_wall_that_it_looks_at_can_leave_it() {
+    let grid = grid(&[[(0.2, -0.6), (0.2, 0.6)]]);
+    let mut vfh_plus = Method::VfhPlus.avoider(LIMITS);
+    let at_rest = Situation {
+        course_rad: 0.0,
+        ..situation(&grid, 0.8 * PI)
+    };
+    let steering = vfh_plus.steer(&at_rest).unwrap();
+    assert!(libm::cos(steering.course_rad) < -0.5, "{steering:?}");
+}
+
 #[test]
 fn vfh_plus_keeps_the_radius_where_vfh_does_not() {
     // A gap of 0.36 m: too narrow for a radius of 0.25 m.

@@ -107,8 +107,12 @@ impl VfhPlus {
             .collect();
     }
 
-    /// The sectors that the drone can't turn to at its speed without touching an enlarged obstacle (section 3).
+    /// The sectors that the drone can't turn to at its speed without touching an enlarged obstacle (section 3). None at rest: it
+    /// can start into any direction, also before a wall that it looks at.
     fn unreachable(&self, situation: &Situation<'_>) -> SectorSet {
+        if situation.speed_mps <= 0.0 {
+            return SectorSet::NONE;
+        }
         let turn_m = situation.speed_mps / self.limits.turn_rate_max_rps;
         let clear_m = turn_m + self.limits.radius_m;
         let (sin, cos) = (

@@ -6,7 +6,8 @@ use super::config::Config;
 use super::fast::{ROUND, exp, whole};
 use super::field::Curve;
 use super::particles::Poses;
-use crate::map::{Cell, Map, State};
+use crate::frames::{BodyXy, MapXy};
+use crate::map::{Map, State};
 
 /// Directions of a table, 5.6° apart.
 const DIRECTIONS: usize = 64;
@@ -63,26 +64,31 @@ impl Cones {
             step_m: config.cone_range_max_m / 254.0,
         };
         for place in 0..columns * rows {
-            let middle = |at: usize, cells: usize| (at * per_place + per_place / 2).min(cells - 1);
-            let cell = Cell {
-                column: middle(place % columns, map.columns()),
-                row: middle(place / columns, map.rows()),
+            let middle_m = |at: usize, cells: usize| {
+                ((at as f64 + 0.5) * pitch).min(cells as f64 - 0.5) * resolution_m
             };
-            if map.state(cell) == State::Free {
+            let at = map.origin().place(BodyXy::new(
+                middle_m(place % columns, map.columns()),
+                middle_m(place / columns, map.rows()),
+            ));
+            if map
+                .cell(at)
+                .is_some_and(|cell| map.state(cell) == State::Free)
+            {
                 cones.places[place] = (cones.ranges.len() / DIRECTIONS) as u32;
-                cones.look_around(map, cell, config);
+                cones.look_around(map, at, config);
             }
         }
         cones
     }
 
-    /// Appends the ranges of all directions.
-    fn look_around(&mut self, map: &Map, cell: Cell, config: &Config) {
+    /// Appends the ranges of all directions from the middle of a place: tables of another point would shift all poses.
+    fn look_around(&mut self, map: &Map, at: MapXy, config: &Config) {
         const RAYS: usize = DIRECTIONS * RAYS_PER_DIRECTION;
         let rays: [u8; RAYS] = std::array::from_fn(|ray| {
             let angle_rad = std::f64::consts::TAU * ray as f64 / RAYS as f64;
             let angle_rad = angle_rad + map.origin().heading_rad;
-            let range_m = map.cast(map.centre(cell), angle_rad, config.cone_range_max_m);
+            let range_m = map.cast(at, angle_rad, config.cone_range_max_m);
             range_m.map_or(FREE, |range_m| libm::round(range_m / self.step_m) as u8)
         });
         let turn = std::f64::consts::TAU / RAYS as f64;
@@ -205,6 +211,23 @@ mod tests {
         assert!((range_m - 0.35).abs() < 0.06, "{range_m}");
         let aside = cones.range_m(12.5, 4.9, PI / 2.0).unwrap();
         assert!((aside - 0.35).abs() < 0.06, "{aside}");
+    }
+
+    /// From another point of a place, all poses were off by half a cell.
+    #[test]
+    fn ranges_are_those_from_the_middle_of_a_place() {
+        let line = |cell: &str| format!("#{}#", cell.repeat(40));
+        let rows = [vec![line("#")], vec![line("."); 40], vec![line("#")]].concat();
+        let map = Map::from_text(&rows.join("\n"), 0.05).unwrap();
+        let cones = Cones::new(&map, &Config::default());
+        for (cell, metres) in [(10.5_f32, 0.5), (21.5, 1.0), (30.5, 1.5)] {
+            // The place has cells 10 and 11: its middle is 10 cells from the wall, which is one cell thick.
+            let left_m = cones.range_m(cell, 21.0, PI).unwrap();
+            let below_m = cones.range_m(21.0, cell, 1.5 * PI).unwrap();
+            for range_m in [left_m, below_m] {
+                assert!((range_m - metres).abs() < 0.01, "{range_m}, {metres}");
+            }
+        }
     }
 
     #[test]

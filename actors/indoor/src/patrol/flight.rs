@@ -190,10 +190,10 @@ impl Flight {
         let grid = self.surroundings(config, place);
         let heading_rad = place.odometry().heading_rad;
         // A drone at rest may start into any direction; where it looks it can start at once.
-        let course_rad = if self.speed_mps > MOVING_MPS {
-            self.course_rad
+        let (course_rad, speed_mps) = if self.speed_mps > MOVING_MPS {
+            (self.course_rad, self.speed_mps)
         } else {
-            heading_rad + leading_rad
+            (heading_rad + leading_rad, 0.0)
         };
         let bearing_rad = libm::atan2(to.y_m, to.x_m);
         let steering = self.avoider.steer(&Situation {
@@ -201,7 +201,7 @@ impl Flight {
             goal_m: libm::hypot(to.x_m, to.y_m),
             goal_rad: (heading_rad + bearing_rad).rem_euclid(TAU),
             course_rad,
-            speed_mps: self.speed_mps,
+            speed_mps,
             turn_rate_rps: self.turn_rps,
             // Sonars are turned to the course, so no direction is blind for good; the guard has the last word.
             blind: SectorSet::NONE,
