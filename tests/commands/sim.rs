@@ -314,6 +314,10 @@ fn recording_that_can_not_be_written_is_refused_before_the_run() {
     );
     refused(&["--kml", "."], "is a folder");
     refused(
+        &["--mcap", "/dev/null"],
+        "/dev/null: is not a file but a device or a pipe",
+    );
+    refused(
         &["--kml", "run", "--geojson", "run"],
         "run: is given for two recordings",
     );

@@ -116,7 +116,19 @@ fn find<'a>(
     match paths.clone().find(|path| stem(path) == name) {
         Some(path) => Ok(Cow::Owned(Path::new(FOLDER).join(path))),
         None => {
-            let suggestion = did_you_mean(&name, paths.by_ref().map(stem));
+            let all = || FILES.iter().map(|(path, _)| *path);
+            let suggestion = match all().find(|path| stem(path) == name) {
+                Some(path) if is_scenario(path) => "; a scenario has it".to_owned(),
+                Some(_) => "; a mission has it".to_owned(),
+                None => {
+                    let near = did_you_mean(&name, paths.by_ref().map(stem));
+                    if near.is_empty() {
+                        did_you_mean(&name, all().map(stem))
+                    } else {
+                        near
+                    }
+                }
+            };
             let message = format!("there is no shipped {kind} of this name{suggestion}");
             let help = format!(
                 "`muster list` shows the names; the path of a file has a `/` or a `.`, as in ./{name}"
