@@ -99,7 +99,7 @@ fn head(report: &Report) -> Markup {
         div.cards {
             (card("Flight time of the master", report.master().and_then(|drone| drone.flight_time_s), 1, "s"))
             (card("Flight time, mean", report.means.flight_time_s, 1, "s"))
-            (card("Messages received, mean", Some(report.means.messages_received), 0, "per drone"))
+            (card("Messages received by a drone, mean", Some(report.means.messages_received), 0, ""))
             (card("Barrier wait, mean", report.mean_wait_s(), 2, "s"))
             (card("Closest approach", report.min_separation_m, 1, "m"))
             (mission(report))
@@ -111,12 +111,12 @@ fn head(report: &Report) -> Markup {
 fn mission(report: &Report) -> Markup {
     html! {
         div.card.{ @if report.mission_completed { "good" } @else { "bad" } } {
-            p { "Mission" }
+            p { "Mission completed" }
             @if report.mission_completed {
-                p.value { span.sign { "✓" } " completed" }
+                p.value { span.sign { "✓" } " yes" }
             } @else {
-                p.value { span.sign { "✕" } " incomplete" }
-                p { (incomplete_mission(report)) }
+                p.value { span.sign { "✕" } " no" }
+                p.why { (incomplete_mission(report)) }
             }
         }
     }
@@ -144,7 +144,7 @@ fn verdict(report: &Report) -> Markup {
                 @else if broken == 0 { span.sign { "✓" } " none" }
                 @else { span.sign { "✕" } " " (plural(broken, "time")) }
             }
-            @if report.unchecked { p { (UNCHECKED) } }
+            @if report.unchecked { p.why { (UNCHECKED) } }
         }
     }
 }

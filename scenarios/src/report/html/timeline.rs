@@ -21,7 +21,7 @@ const SHORTEST_PX: f64 = 0.8;
 type Phase = (&'static str, &'static str);
 
 /// All phases, in the order of a mission.
-const PHASES: [Phase; 14] = [
+const PHASES: [Phase; 15] = [
     ("p-start", "start"),
     ("p-setup", "set-up"),
     ("p-takeoff", "taking off"),
@@ -36,7 +36,9 @@ const PHASES: [Phase; 14] = [
     ("p-landing", "landing"),
     ("p-finished", "finished"),
     ("p-task", "on task"),
+    KILLED,
 ];
+const KILLED: Phase = ("p-killed", "killed");
 
 const fn phase(state: State) -> Phase {
     PHASES[match state {
@@ -97,7 +99,10 @@ fn row_px(drones: usize) -> f64 {
 /// Legend of the phases that occur in the run.
 fn legend(report: &Report, flight: &Flight) -> Markup {
     let states = flight.drones.iter().flat_map(|drone| &drone.states);
-    let seen: Vec<_> = states.map(|&(_, state)| phase(state)).collect();
+    let killed = (flight.drones.iter()).filter_map(|drone| drone.killed_at.map(|_| KILLED));
+    let seen: Vec<_> = (states.map(|&(_, state)| phase(state)))
+        .chain(killed)
+        .collect();
     html! {
         ul.legend {
             @for (class, name) in PHASES.into_iter().filter(|phase| seen.contains(phase)) {
@@ -161,20 +166,23 @@ fn ids(drones: &[DroneReport], row: f64) -> Markup {
 
 /// A drone's row. The latest state is drawn first, so that a short state stays visible over its successor.
 fn states(drone: &DroneReport, flown: &FlightOfDrone, x: &Axis, end_s: f64, height: f64) -> Markup {
-    let ends = flown
-        .states
-        .iter()
-        .skip(1)
-        .map(|&(at, _)| at)
-        .chain([Timestamp::from_secs_f64(end_s)]);
-    let stretches: Vec<_> = flown.states.iter().zip(ends).collect();
+    let end = Timestamp::from_secs_f64(end_s);
+    let begun = flown.states.iter();
+    let begun = begun.map(|&(since, state)| (since, phase(state).0, state.to_string()));
+    let killed = flown.killed_at;
+    let begun: Vec<_> = begun
+        .filter(|(since, ..)| killed.is_none_or(|at| *since <= at))
+        .chain(killed.map(|at| (at, KILLED.0, KILLED.1.to_owned())))
+        .collect();
+    let ends = begun.iter().skip(1).map(|(at, ..)| *at).chain([end]);
+    let stretches: Vec<_> = begun.iter().zip(ends).collect();
     html! {
-        @for (&(since, state), until) in stretches.into_iter().rev() {
+        @for ((since, class, name), until) in stretches.into_iter().rev() {
             @let (from_s, to_s) = (since.as_secs_f64(), until.as_secs_f64());
             @let (from, to) = (x.px(from_s), x.px(to_s.max(from_s)));
-            rect.{ (phase(state).0) } x=(px(from)) width=(px((to - from).max(SHORTEST_PX))) height=(px(height)) {
+            rect.(class) x=(px(from)) width=(px((to - from).max(SHORTEST_PX))) height=(px(height)) {
                 title {
-                    "drone " (drone.id) ": " (state) ", "
+                    "drone " (drone.id) ": " (name) ", "
                     (figure(from_s, 1)) " s to " (figure(to_s, 1)) " s (" (figure(to_s - from_s, 2)) " s)"
                 }
             }
@@ -220,5 +228,27 @@ fn violations(report: &Report, x: &Axis, base: f64) -> Markup {
                 path d={ "M" (at) " " (px(base)) "l-6 11h12z" } {}
             }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::report::sample;
+
+    #[test]
+    fn killed_drone_is_shown_killed_until_the_end() {
+        let (report, mut flight) = sample::swarm(3);
+        let end = Timestamp::from_secs_f64(report.simulated_s);
+        assert!(!timeline(&report, &flight).into_string().contains("killed"));
+        flight.drones[1].killed_at = Some(Timestamp::from_secs_f64(60.0));
+        let page = timeline(&report, &flight).into_string();
+        let until = figure(end.as_secs_f64(), 1);
+        let shown = format!("drone 1: killed, 60.0 s to {until} s");
+        assert!(page.contains(&shown), "{shown}");
+        assert!(
+            !page.contains("drone 1: landing"),
+            "nothing comes after that"
+        );
     }
 }
