@@ -222,10 +222,7 @@ fn drones_that_never_hear_each_other_do_not_complete_the_mission() {
         let policy = format!("protocol.policy={policy}");
         let apart = ["formation.spacing_m=350", &policy];
         let report = fly(&scenario("thesis-1.toml", &apart), Engine::Events);
-        assert!(
-            report.mission_completed && !report.are_missions_completed(),
-            "{policy}"
-        );
+        assert!(!report.mission_completed, "{policy}");
         assert_eq!(report.never_met.len(), 5, "{policy}");
         let connected = fly(&scenario("thesis-1.toml", &[&policy]), Engine::Events);
         assert!(connected.never_met.is_empty() && connected.are_missions_completed());
