@@ -270,7 +270,7 @@ for_s = 5
     for (id, drone) in (0..).zip(report["drones"].as_array().unwrap()) {
         let state = drone["state"].as_str().unwrap();
         if id == LEADER {
-            assert!(state.starts_with("killed while"), "{state}");
+            assert!(state.starts_with("killed "), "{state}");
         } else {
             assert_eq!(state, "finished", "drone {id}");
         }

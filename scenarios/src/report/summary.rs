@@ -223,15 +223,27 @@ fn state(record: &Record) -> String {
         .last()
         .map_or(State::Start, |(_, state)| *state);
     if record.fell {
-        format!("fell while {last}")
+        format!("fell {}", when(last))
     } else if record.ran_empty {
-        format!("battery empty while {last}")
+        format!("battery empty {}", when(last))
     } else if record.killed.is_some() {
-        format!("killed while {last}")
+        format!("killed {}", when(last))
     } else if record.given_up && record.disarmed.is_some() && last != State::Finished {
-        format!("on the ground, an actor failed for good while {last}")
+        format!("on the ground, an actor failed for good {}", when(last))
     } else {
         last.to_string()
+    }
+}
+
+/// In which state something happened.
+fn when(state: State) -> String {
+    match state {
+        State::Start => "at the start".to_owned(),
+        State::SetUp | State::NeighbourDiscovery | State::HopUpdate => format!("during {state}"),
+        State::WaypointReached { waypoint } => format!("at waypoint {waypoint}"),
+        State::OnTask => "on task".to_owned(),
+        State::Finished => "after its landing".to_owned(),
+        _ => format!("while {state}"),
     }
 }
 

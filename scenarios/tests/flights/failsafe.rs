@@ -44,7 +44,7 @@ fn drone_without_contact_lands_or_continues_as_configured() {
 fn drones_with_low_batteries_land_and_a_master_hands_over() {
     let (report, _) = flown("failsafe-battery.toml", &[]);
     assert_eq!(reasons(&report), [LOW, OVER, CRITICAL, OVER]);
-    assert!(report.drones[4].state.starts_with("battery empty while"));
+    assert!(report.drones[4].state.starts_with("battery empty "));
     assert!(report.mission_completed, "by the other drones");
     let [election] = &report.elections[..] else {
         panic!("one election: {:?}", report.elections);

@@ -116,7 +116,7 @@ fn mission(report: &Report) -> Markup {
                 p.value { span.sign { "✓" } " yes" }
             } @else {
                 p.value { span.sign { "✕" } " no" }
-                p.why { (incomplete_mission(report)) }
+                p.note { (incomplete_mission(report)) }
             }
         }
     }
@@ -144,7 +144,7 @@ fn verdict(report: &Report) -> Markup {
                 @else if broken == 0 { span.sign { "✓" } " none" }
                 @else { span.sign { "✕" } " " (plural(broken, "time")) }
             }
-            @if report.unchecked { p.why { (UNCHECKED) } }
+            @if report.unchecked { p.note { (UNCHECKED) } }
         }
     }
 }

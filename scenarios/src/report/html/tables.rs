@@ -203,7 +203,7 @@ fn row(drone: &DroneReport) -> Markup {
             td.n { (received) }
             td.n { (figure_or_dash(drone.waypoint_delay_s, 2)) }
             td.n { (drone.restarts) }
-            td {
+            td.state {
                 (drone.state)
                 @if let Some(why) = &drone.landed_because { span.why { "landed early: " (why) } }
             }
