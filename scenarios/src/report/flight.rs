@@ -72,7 +72,7 @@ mod tests {
                 (at(0.0), State::TakingOff),
                 (at(1.5), State::WaypointReached { waypoint: 0 }),
             ],
-            killed_at: None,
+            died_at: None,
             control: None,
         }
     }
@@ -97,7 +97,7 @@ mod tests {
         let without_track = FlightOfDrone {
             track: vec![],
             states: vec![],
-            killed_at: None,
+            died_at: None,
             control: None,
         };
         assert_eq!(without_track.position_at(at(1.0)), None);

@@ -406,8 +406,8 @@ pub struct FlightOfDrone {
     pub track: Vec<(Timestamp, Ned)>,
     /// State changes with their times; the first is the state at the start of the run.
     pub states: Vec<(Timestamp, State)>,
-    /// When it was killed; `None` if it runs again or was not.
-    pub killed_at: Option<Timestamp>,
+    /// When it was killed or fell; `None` if neither, or if it runs again.
+    pub died_at: Option<Timestamp>,
     /// How it was flown; `None` without a flight controller.
     pub control: Option<ControlSeries>,
 }

@@ -211,7 +211,7 @@ impl Script {
                 .into_iter()
                 .map(|(since_s, state)| (at(since_s), state))
                 .collect(),
-            killed_at: None,
+            died_at: None,
             control: None,
         }
     }

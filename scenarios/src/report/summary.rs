@@ -136,7 +136,7 @@ impl Run<'_> {
                 .map(|(((_, record), vehicle), control)| FlightOfDrone {
                     track: track(vehicle, record, self.outcome.ended),
                     states: record.states.clone(),
-                    killed_at: record.killed,
+                    died_at: record.killed,
                     control: control.clone(),
                 })
                 .collect(),

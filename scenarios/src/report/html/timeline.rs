@@ -36,9 +36,9 @@ const PHASES: [Phase; 15] = [
     ("p-landing", "landing"),
     ("p-finished", "finished"),
     ("p-task", "on task"),
-    KILLED,
+    DEAD,
 ];
-const KILLED: Phase = ("p-killed", "killed");
+const DEAD: Phase = ("p-dead", "dead");
 
 const fn phase(state: State) -> Phase {
     PHASES[match state {
@@ -99,9 +99,9 @@ fn row_px(drones: usize) -> f64 {
 /// Legend of the phases that occur in the run.
 fn legend(report: &Report, flight: &Flight) -> Markup {
     let states = flight.drones.iter().flat_map(|drone| &drone.states);
-    let killed = (flight.drones.iter()).filter_map(|drone| drone.killed_at.map(|_| KILLED));
+    let dead = (flight.drones.iter()).filter_map(|drone| drone.died_at.map(|_| DEAD));
     let seen: Vec<_> = (states.map(|&(_, state)| phase(state)))
-        .chain(killed)
+        .chain(dead)
         .collect();
     html! {
         ul.legend {
@@ -169,10 +169,10 @@ fn states(drone: &DroneReport, flown: &FlightOfDrone, x: &Axis, end_s: f64, heig
     let end = Timestamp::from_secs_f64(end_s);
     let begun = flown.states.iter();
     let begun = begun.map(|&(since, state)| (since, phase(state).0, state.to_string()));
-    let killed = flown.killed_at;
+    let died = flown.died_at;
     let begun: Vec<_> = begun
-        .filter(|(since, ..)| killed.is_none_or(|at| *since <= at))
-        .chain(killed.map(|at| (at, KILLED.0, KILLED.1.to_owned())))
+        .filter(|(since, ..)| died.is_none_or(|at| *since <= at))
+        .chain(died.map(|at| (at, DEAD.0, DEAD.1.to_owned())))
         .collect();
     let ends = begun.iter().skip(1).map(|(at, ..)| *at).chain([end]);
     let stretches: Vec<_> = begun.iter().zip(ends).collect();
@@ -237,14 +237,14 @@ mod tests {
     use crate::report::sample;
 
     #[test]
-    fn killed_drone_is_shown_killed_until_the_end() {
+    fn dead_drone_is_shown_dead_until_the_end() {
         let (report, mut flight) = sample::swarm(3);
         let end = Timestamp::from_secs_f64(report.simulated_s);
-        assert!(!timeline(&report, &flight).into_string().contains("killed"));
-        flight.drones[1].killed_at = Some(Timestamp::from_secs_f64(60.0));
+        assert!(!timeline(&report, &flight).into_string().contains("dead"));
+        flight.drones[1].died_at = Some(Timestamp::from_secs_f64(60.0));
         let page = timeline(&report, &flight).into_string();
         let until = figure(end.as_secs_f64(), 1);
-        let shown = format!("drone 1: killed, 60.0 s to {until} s");
+        let shown = format!("drone 1: dead, 60.0 s to {until} s");
         assert!(page.contains(&shown), "{shown}");
         assert!(
             !page.contains("drone 1: landing"),
