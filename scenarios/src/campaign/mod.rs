@@ -42,7 +42,7 @@ use crate::report::WriteError;
 /// Why a campaign stopped early. Finished rows stay in its folder.
 #[derive(Debug, Error)]
 pub enum CampaignError {
-    /// Operator: a file, an argument or a folder can't be used. Nothing was written.
+    /// Operator: a file, an argument, a folder or a seed can't be used. Rows that were stored before stay.
     #[error(transparent)]
     Refused(#[from] BadInput),
     /// Host: a run could not be started.

@@ -6,13 +6,15 @@ use std::sync::mpsc::{SyncSender, sync_channel};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
+use muster_runtime::diagnostic::BadInput;
+
 use super::CampaignError;
 use super::folder::Folder;
 use super::plan::Campaign;
 use super::publish::{Published, publish};
 use super::row::Row;
 use super::rows::Rows;
-use crate::engine::{self, RunError};
+use crate::engine;
 use crate::scenario::Scenario;
 
 /// Maximum number of concurrent runs.
@@ -123,22 +125,33 @@ fn work(
     scenarios: &[Scenario],
     run_limit: Duration,
     queue: &Mutex<impl Iterator<Item = u64>>,
-    rows: &SyncSender<Result<Row, RunError>>,
+    rows: &SyncSender<Result<Row, CampaignError>>,
 ) {
     let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).next();
     while let Some(run) = next() {
         let (combination, seed) = campaign.run(run);
         let combination = usize::try_from(combination).expect("at most COMBINATIONS_MAX");
-        let scenario = Scenario {
-            seed,
-            ..scenarios[combination].clone()
-        };
-        let row = engine::run_within(run_limit, &scenario, campaign.engine)
-            .map(|(report, _)| Row::new(campaign, run, &report));
+        let row = scenarios[combination]
+            .with_seed(seed)
+            .map_err(|error| refused(campaign, seed, &error).into())
+            .and_then(|scenario| {
+                let (report, _) = engine::run_within(run_limit, &scenario, campaign.engine)?;
+                Ok(Row::new(campaign, run, &report))
+            });
         if rows.send(row).is_err() {
             return;
         }
     }
+}
+
+/// The seed's places can't be flown.
+fn refused(campaign: &Campaign, seed: u64, error: &BadInput) -> BadInput {
+    let message = format!("seed {seed} draws places that can't be flown: {error}");
+    let help = format!(
+        "`muster check {} --seed {seed}` shows more; set `seed` of the formation to fly the same places with all seeds",
+        campaign.scenario
+    );
+    BadInput::without_excerpt(Path::new(&campaign.scenario), message, help)
 }
 
 #[cfg(test)]
@@ -147,6 +160,38 @@ mod tests {
     use super::super::shard::Shard;
     use super::*;
     use crate::report::Engine;
+    use crate::scenario::{self, Override};
+
+    #[test]
+    fn run_is_that_of_its_command_also_where_its_seed_draws_the_places() {
+        let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("thesis-1.toml");
+        let set = ["formation.kind=random", "formation.drones=5"];
+        let set: Vec<Override> = set.iter().map(|it| it.parse().unwrap()).collect();
+        let (campaign, scenarios) = Campaign::load(&Request {
+            scenario: scenario.clone(),
+            engine: Engine::Events,
+            set: set.clone(),
+            vary: Vec::new(),
+            seeds: "3..5".parse().unwrap(),
+            shard: Shard::WHOLE,
+        })
+        .unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let options = RunOptions {
+            jobs: NonZeroUsize::MIN,
+            run_limit: RUN_LIMIT,
+        };
+        run(&campaign, &scenarios, folder.path(), options, |_| ()).unwrap();
+        let rows = std::fs::read_to_string(folder.path().join("runs.jsonl")).unwrap();
+        for seed in ["3", "4"] {
+            let set: Vec<_> = (set.iter().cloned())
+                .chain([Override::seed(seed)])
+                .collect();
+            let alone = scenario::load(&scenario, &set).unwrap();
+            let (report, _) = engine::run(&alone, Engine::Events, None).unwrap();
+            assert!(rows.contains(&report.trace.unwrap()), "seed {seed}:\n{rows}");
+        }
+    }
 
     #[test]
     fn run_that_exceeds_its_limit_has_a_row_and_the_campaign_continues() {

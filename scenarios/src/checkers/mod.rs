@@ -91,9 +91,12 @@ impl Checkers {
     }
 
     /// Keeps a violation, unless there is one or rules are not checked.
+    #[inline]
     pub(crate) fn report(&mut self, found: Option<Violation>) {
-        if self.violation.is_none() && self.is_on {
-            self.violation = found;
+        if let Some(violation) = found
+            && self.is_on
+        {
+            self.violation.get_or_insert(violation);
         }
     }
 

@@ -6,7 +6,7 @@ use muster_machines::wire;
 use muster_runtime::agents::Agents;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::plan::file::{Override, Source};
-use muster_runtime::plan::raw::{self, MediumName, ModelName, Raw};
+use muster_runtime::plan::raw::{self, FormationKind, MediumName, ModelName, Raw};
 use muster_runtime::plan::{build_plan, to_usize};
 use muster_runtime::vehicle::VehicleKind;
 use muster_transport::sim::{self, Access, Bursts, Propagation};
@@ -63,6 +63,7 @@ fn with_others(
     for joins in &raw.swarms {
         let swarm = other((&source, &raw), joins, (read, agents))?;
         let radio = scenario.radio;
+        scenario.draws_places |= swarm.draws_places;
         scenario
             .others
             .push((Scenario { radio, ..swarm }, joins.into()));
@@ -129,6 +130,7 @@ fn alone(
             .cloned()
             .collect(),
         seed: raw.seed.get_ref().0,
+        draws_places: draws_places(raw),
         plan,
         radio: radio(source, raw)?,
         aircraft: aircraft(source, raw)?,
@@ -139,6 +141,15 @@ fn alone(
     };
     check_followers(source, raw, &scenario)?;
     Ok(scenario)
+}
+
+/// Whether the seed of the run decides the places of a formation.
+fn draws_places(raw: &Raw) -> bool {
+    let own = (raw.formation.kind, raw.formation.seed.is_some());
+    let changes = raw.changes.iter().map(|it| (it.kind, it.seed.is_some()));
+    std::iter::once(own)
+        .chain(changes)
+        .any(|(kind, has_seed)| kind == FormationKind::Random && !has_seed)
 }
 
 fn aircraft(source: &Source, raw: &Raw) -> Result<Aircraft, BadInput> {

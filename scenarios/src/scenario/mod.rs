@@ -11,9 +11,11 @@ mod variation;
 mod verdict;
 mod written;
 
+use std::path::Path;
 use std::time::Duration;
 
 use muster_machines::geometry::Ned;
+use muster_runtime::diagnostic::BadInput;
 use muster_runtime::plan::{Plan, raw};
 use muster_transport::sim;
 
@@ -42,6 +44,8 @@ pub struct Scenario {
     pub overrides: Vec<Override>,
     /// Random seed of the run.
     pub seed: u64,
+    /// Whether the seed decides the places of a formation, too.
+    pub(crate) draws_places: bool,
     /// What the swarm flies.
     pub plan: Plan,
     /// The radio model.
@@ -76,6 +80,22 @@ impl Joins {
 }
 
 impl Scenario {
+    /// The same scenario with another random seed. Places that the seed decides are drawn anew, so the files are read again.
+    ///
+    /// # Errors
+    /// Those of [`load`]: other places may be out of each other's range, or need layers that are too high.
+    pub(crate) fn with_seed(&self, seed: u64) -> Result<Self, BadInput> {
+        if !self.draws_places || seed == self.seed {
+            return Ok(Self {
+                seed,
+                ..self.clone()
+            });
+        }
+        let mut overrides = self.overrides.clone();
+        overrides.push(Override::seed(&seed.to_string()));
+        load(Path::new(&self.name), &overrides)
+    }
+
     /// All swarms of the world, its own first.
     pub(crate) fn swarms(&self) -> impl Iterator<Item = (&Self, Joins)> {
         let others = self.others.iter().map(|(swarm, joins)| (swarm, *joins));

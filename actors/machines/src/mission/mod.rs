@@ -150,8 +150,9 @@ impl Mission {
         }
     }
 
-    /// Announces the landing to the others and descends on the spot.
+    /// Announces the landing to the others and descends on the spot. Nobody awaits it on the ground.
     fn announce_and_descend(&mut self, reason: LandingReason) {
+        self.durable.landing.reason.get_or_insert(reason);
         self.outbox.transmit(Transmit::Land);
         self.descend(reason);
     }
@@ -280,13 +281,14 @@ impl Mission {
     }
 
     fn handle_touchdown(&mut self, now: Timestamp) {
+        let is_awaited = self.is_awaited_on_ground();
         match self.durable.state {
             State::Start | State::SetUp | State::Finished => return,
             State::Landing => {}
             _ => self.land_on_the_spot(LandingReason::Controller),
         }
         self.enter(State::Finished);
-        if self.is_awaited_on_ground() {
+        if is_awaited {
             // Its announcement was held back until now. It repeats it for a while, as frames may be lost: without it the others
             // miss a drone in flight.
             self.outbox.transmit(Transmit::Land);

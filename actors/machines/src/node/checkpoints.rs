@@ -17,7 +17,7 @@ pub enum Checkpoint {
     /// Of the navigation.
     Navigation(Box<navigation::Checkpoint>),
     /// Of the flight controller's link.
-    Msp(msp::Checkpoint),
+    Msp(Box<msp::Checkpoint>),
     /// Of the agent in the mission's actor.
     Agent(Box<agent::Checkpoint>),
     /// Of the indoor machine in the navigation's actor.
@@ -33,7 +33,7 @@ pub struct Checkpoints {
     pub(super) routing: Option<Box<routing::Checkpoint>>,
     pub(super) mission: Option<Box<mission::Checkpoint>>,
     pub(super) navigation: Option<Box<navigation::Checkpoint>>,
-    pub(super) msp: Option<msp::Checkpoint>,
+    pub(super) msp: Option<Box<msp::Checkpoint>>,
     pub(super) agent: Option<Box<agent::Checkpoint>>,
     pub(super) indoor: Option<Box<indoor::Checkpoint>>,
 }
@@ -85,7 +85,10 @@ impl Checkpoints {
                 self.navigation = Some(checkpoint);
                 false
             }
-            Checkpoint::Msp(checkpoint) => self.msp.replace(checkpoint) != Some(checkpoint),
+            Checkpoint::Msp(checkpoint) => {
+                let before = self.msp.replace(checkpoint);
+                before != self.msp
+            }
             Checkpoint::Agent(checkpoint) => {
                 let before = self.agent.replace(checkpoint);
                 let kept = |it: &Option<Box<agent::Checkpoint>>| {
@@ -140,7 +143,7 @@ impl Checkpoints {
         let routing = self.routing.clone().map(Checkpoint::Routing);
         let mission = self.mission.clone().map(Checkpoint::Mission);
         let navigation = self.navigation.clone().map(Checkpoint::Navigation);
-        let msp = self.msp.map(Checkpoint::Msp);
+        let msp = self.msp.clone().map(Checkpoint::Msp);
         let agent = self.agent.clone().map(Checkpoint::Agent);
         let indoor = self.indoor.clone().map(Checkpoint::Indoor);
         radio
@@ -172,7 +175,7 @@ impl Checkpoints {
             Checkpoint::Routing(checkpoint) => self.routing.as_ref() == Some(checkpoint),
             Checkpoint::Mission(checkpoint) => self.mission.as_ref() == Some(checkpoint),
             Checkpoint::Navigation(checkpoint) => self.navigation.as_ref() == Some(checkpoint),
-            Checkpoint::Msp(checkpoint) => self.msp == Some(*checkpoint),
+            Checkpoint::Msp(checkpoint) => self.msp.as_ref() == Some(checkpoint),
             Checkpoint::Agent(checkpoint) => self.agent.as_ref() == Some(checkpoint),
             Checkpoint::Indoor(checkpoint) => self.indoor.as_ref() == Some(checkpoint),
         }

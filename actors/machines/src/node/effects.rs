@@ -265,6 +265,6 @@ impl From<navigation::Event> for Effect {
 impl From<msp::Event> for Effect {
     fn from(event: msp::Event) -> Self {
         let msp::Event::Checkpoint(checkpoint) = event;
-        Self::StoreCheckpoint(Checkpoint::Msp(checkpoint))
+        Self::StoreCheckpoint(Checkpoint::Msp(Box::new(checkpoint)))
     }
 }

@@ -84,7 +84,7 @@ impl Blueprint {
                 );
                 NodeMachine::Navigation(Box::new(navigation.with_indoor(indoor)))
             }
-            Address::Msp => NodeMachine::Msp((self.link)(checkpoints.msp, now)),
+            Address::Msp => NodeMachine::Msp((self.link)(checkpoints.msp.as_deref().copied(), now)),
         }
     }
 }

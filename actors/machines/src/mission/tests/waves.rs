@@ -201,6 +201,24 @@ fn drone_lands_in_its_wave_and_acknowledges_on_the_ground() {
 }
 
 #[test]
+fn drone_that_landed_by_itself_relays_no_longer_than_it_flies() {
+    let config = Config {
+        spreading_grace: 6 * SECOND,
+        ..config_where(|it, id| it.layout.landing_wave(id) == 0)
+    };
+    let mut member = member_at_last_waypoint(config);
+    let failing = Input::Navigation(NavigationNotice::Failing {
+        failure: Failure::BatteryCritical,
+        stop: waypoints()[2],
+        is_airborne: true,
+    });
+    let transmits = send(&mut member, 30.0, failing);
+    assert!(transmits.contains(&Transmit::Land), "{transmits:?}");
+    let landed = Input::Navigation(NavigationNotice::Landed);
+    assert_eq!(send(&mut member, 60.0, landed), [Transmit::Stop]);
+}
+
+#[test]
 fn swarm_out_of_lockstep_lands_at_once_each_below_its_slot() {
     let mut member =
         member_at_last_waypoint(config_where(|it, id| it.layout.landing_wave(id) == 0));
