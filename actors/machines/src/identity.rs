@@ -82,6 +82,19 @@ impl NodeSet {
         set
     }
 
+    /// As [`Self::from_bounds`]; `None` if any bound is.
+    pub(crate) fn try_from_bounds(
+        most: usize,
+        bounds: impl Iterator<Item = Option<u32>>,
+    ) -> Option<Self> {
+        let mut set = Self(SmallVec::with_capacity(most));
+        for bound in bounds {
+            set.0.push(bound?);
+        }
+        debug_assert!(set.0.is_sorted_by(|a, b| a < b) && set.0.len().is_multiple_of(2));
+        Some(set)
+    }
+
     /// Removes ids of `end` and above.
     pub fn truncate(&mut self, end: u32) {
         if self.0.last().is_some_and(|last| *last > end) {

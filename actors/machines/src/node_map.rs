@@ -51,6 +51,15 @@ impl<T> NodeMap<T> {
         }
     }
 
+    /// As [`Self::find`], and quicker if the entry is at `guess`.
+    #[inline]
+    pub(crate) fn find_near(&self, guess: usize, id: NodeId) -> Result<usize, usize> {
+        if self.ids.get(guess) == Some(&id) {
+            return Ok(guess);
+        }
+        self.find(id)
+    }
+
     /// The entry at an index that [`Self::find`] found.
     #[inline]
     pub(crate) fn at(&mut self, place: usize) -> &mut T {
@@ -120,5 +129,9 @@ mod tests {
         *map.get_mut(NodeId(11)).unwrap() = 0;
         assert_eq!(map.get(NodeId(11)), Some(&0));
         assert_eq!(map.get(NodeId(20)), None);
+        for guess in 0..9 {
+            assert_eq!(map.find_near(guess, NodeId(3)), Ok(2));
+            assert_eq!(map.find_near(guess, NodeId(5)), Err(4));
+        }
     }
 }

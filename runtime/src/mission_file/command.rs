@@ -87,7 +87,8 @@ fn name_in(names: &[(u16, &'static str)], number: u16) -> Option<&'static str> {
         .map(|(_, name)| *name)
 }
 
-/// Commands that change neither the route nor its order: payload, gimbal, camera, and markers for failsafes.
+/// Commands that change neither the route nor its order: payload, gimbal, camera, markers for failsafes, and those that only
+/// their user knows, which MAVLink's common messages define as no place to fly to.
 const IGNORED: &[(u16, &str)] = &[
     (112, "CONDITION_DELAY"),
     (114, "CONDITION_DISTANCE"),
@@ -133,10 +134,14 @@ const IGNORED: &[(u16, &str)] = &[
     (2003, "DO_TRIGGER_CONTROL"),
     (2500, "VIDEO_START_CAPTURE"),
     (2501, "VIDEO_STOP_CAPTURE"),
+    (31010, "USER_1"),
+    (31011, "USER_2"),
+    (31012, "USER_3"),
+    (31013, "USER_4"),
+    (31014, "USER_5"),
 ];
 
-/// Known commands that a swarm can't fly: they loiter without end, change the route in flight, end the flight, or are
-/// user-defined.
+/// Known commands that a swarm can't fly: they loiter without end, change the route in flight, or end the flight.
 const REFUSED: &[(u16, &str)] = &[
     (17, "NAV_LOITER_UNLIM"),
     (23, "NAV_LAND_LOCAL"),
@@ -174,11 +179,6 @@ const REFUSED: &[(u16, &str)] = &[
     (600, "JUMP_TAG"),
     (601, "DO_JUMP_TAG"),
     (3000, "DO_VTOL_TRANSITION"),
-    (31010, "USER_1"),
-    (31011, "USER_2"),
-    (31012, "USER_3"),
-    (31013, "USER_4"),
-    (31014, "USER_5"),
 ];
 
 const FRAMES: &[(u16, &str)] = &[

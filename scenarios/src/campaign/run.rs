@@ -189,7 +189,10 @@ mod tests {
                 .collect();
             let alone = scenario::load(&scenario, &set).unwrap();
             let (report, _) = engine::run(&alone, Engine::Events, None).unwrap();
-            assert!(rows.contains(&report.trace.unwrap()), "seed {seed}:\n{rows}");
+            assert!(
+                rows.contains(&report.trace.unwrap()),
+                "seed {seed}:\n{rows}"
+            );
         }
     }
 

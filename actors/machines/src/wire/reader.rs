@@ -56,21 +56,16 @@ impl<'a> Reader<'a> {
     /// A set as serde writes it: the number of bounds, and the distances between them.
     pub(super) fn set(&mut self) -> Option<NodeSet> {
         let bounds = self.u32().filter(|bounds| bounds.is_multiple_of(2))?;
-        let mut again = Reader(self.0);
+        // A bound takes at least one byte, whatever count is claimed.
+        let most = self.0.len().min(bounds as usize);
         let mut bound = 0_u32;
-        for at in 0..bounds {
+        let bounds = (0..bounds).map(|at| {
             let distance = self.u32()?;
             let rises = distance > 0 || at == 0;
             bound = bound.checked_add(distance).filter(|_| rises)?;
-        }
-        let mut bound = 0;
-        Some(NodeSet::from_bounds(
-            bounds as usize,
-            (0..bounds).map_while(|_| {
-                bound += again.u32()?;
-                Some(bound)
-            }),
-        ))
+            Some(bound)
+        });
+        NodeSet::try_from_bounds(most, bounds)
     }
 
     pub(super) fn bytes(&mut self) -> Option<&'a [u8]> {

@@ -170,7 +170,7 @@ fn loiter_to_altitude_is_flown_vertically() {
 }
 
 #[test]
-fn conditions_are_ignored() {
+fn conditions_and_commands_of_the_user_are_ignored() {
     let condition = |command: u16| format!("4 0 3 {command} 9 0 0 0 39.5 -0.3085 22222 1\n");
     let noted = |command| notes(&short_with(&condition(command)));
     for (command, name) in [
@@ -182,6 +182,8 @@ fn conditions_are_ignored() {
         let note = "is ignored; it does not move the swarm";
         assert_eq!(noted(command), [format!("item 4: CONDITION_{name} {note}")]);
     }
+    let users = "item 4: USER_1 is ignored; it does not move the swarm";
+    assert_eq!(noted(31010), [users]);
     let height = "item 4: CONDITION_CHANGE_ALT is ignored, as ArduCopter ignores it";
     assert_eq!(noted(113), [height]);
     assert_eq!(short_with(&condition(113)).waypoints().len(), 3);

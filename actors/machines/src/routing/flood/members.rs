@@ -7,7 +7,11 @@ use crate::time::Timestamp;
 
 /// Reports of members, collected from the acknowledgements that this drone forwards.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Members(NodeMap<MemberRecord>);
+pub(super) struct Members {
+    records: NodeMap<MemberRecord>,
+    /// Place of the next report, if reports come by ascending id, as a neighbour sends them.
+    next: usize,
+}
 
 #[derive(Debug, Clone, Copy)]
 struct MemberRecord {
@@ -33,8 +37,11 @@ pub(super) struct Change {
 impl Members {
     /// Records a report. A report without a higher number is ignored.
     pub(super) fn record(&mut self, member: Member, via: NodeId, now: Timestamp) -> Change {
-        let record = match self.0.find(member.id) {
-            Ok(at) => self.0.at(at),
+        let record = match self.records.find_near(self.next, member.id) {
+            Ok(at) => {
+                self.next = at + 1;
+                self.records.at(at)
+            }
             Err(at) => {
                 let record = MemberRecord {
                     member,
@@ -42,7 +49,7 @@ impl Members {
                     rose_at: now,
                     silent: false,
                 };
-                self.0.insert(at, member.id, record);
+                self.records.insert(at, member.id, record);
                 return Change {
                     progress: true,
                     returned: false,
@@ -93,13 +100,13 @@ impl Members {
                 rose_at: now,
                 silent: false,
             };
-            match self.0.find(id) {
+            match self.records.find(id) {
                 Ok(at) => {
-                    let record = self.0.at(at);
+                    let record = self.records.at(at);
                     record.rose_at = now;
                     record.silent = false;
                 }
-                Err(at) => self.0.insert(at, id, unknown),
+                Err(at) => self.records.insert(at, id, unknown),
             }
         }
         silent
@@ -107,7 +114,7 @@ impl Members {
 
     /// Restarts the silence timeout of all members. One that ends later anyway stays.
     pub(super) fn reset_timeouts(&mut self, now: Timestamp) {
-        for record in self.0.iter_mut() {
+        for record in self.records.iter_mut() {
             record.rose_at = record.rose_at.max(now);
         }
     }
@@ -118,14 +125,14 @@ impl Members {
 
     /// Removes members whose number has not risen for `time_to_live`.
     pub(super) fn forget_silent(&mut self, now: Timestamp, time_to_live: Duration) {
-        self.0
+        self.records
             .retain(|record| now.since(record.rose_at) <= time_to_live);
     }
 
     /// Marks members whose number has not risen for `time_to_live`; returns those that were not marked before.
     pub(super) fn mark_silent(&mut self, now: Timestamp, time_to_live: Duration) -> NodeSet {
         let mut silent = NodeSet::default();
-        for record in self.0.iter_mut() {
+        for record in self.records.iter_mut() {
             if !record.silent && now.since(record.rose_at) > time_to_live {
                 record.silent = true;
                 silent.insert(record.member.id);
@@ -136,19 +143,19 @@ impl Members {
 
     /// Whether the number of a known member has not risen for longer than `time`.
     pub(super) fn is_silent_for(&self, id: NodeId, now: Timestamp, time: Duration) -> bool {
-        (self.0.get(id)).is_some_and(|it| now.since(it.rose_at) > time)
+        (self.records.get(id)).is_some_and(|it| now.since(it.rose_at) > time)
     }
 
     pub(super) fn iter(&self) -> impl Iterator<Item = Member> + '_ {
-        self.0.iter().map(|record| record.member)
+        self.records.iter().map(|record| record.member)
     }
 
     pub(super) fn silent(&self) -> impl Iterator<Item = NodeId> + '_ {
-        let silent = self.0.iter().filter(|record| record.silent);
+        let silent = self.records.iter().filter(|record| record.silent);
         silent.map(|record| record.member.id)
     }
 
     pub(super) fn len(&self) -> usize {
-        self.0.len()
+        self.records.len()
     }
 }

@@ -96,11 +96,6 @@ fn errors_in_a_waypoints_file_show_their_place() {
                 "3 0 0 16 0 0 0 0 39.339 -0.3085 2 1",
             ),
             ("an arc", waypoint, "3 0 3 36 90 0 0 0 39.339 -0.3085 30 1"),
-            (
-                "a user's own command",
-                waypoint,
-                "3 0 0 31010 1 0 0 0 0 0 0 1",
-            ),
             ("a payload before the take-off", "1 0 3 22", "1 0 3 94"),
             (
                 "loitering down to the ground",
