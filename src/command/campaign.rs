@@ -13,6 +13,7 @@ use muster_scenarios::campaign::{
 use muster_scenarios::report;
 use muster_scenarios::scenario::{Override, Variation};
 
+use super::overrides::check_distinct;
 use super::sim::EngineName;
 use super::{Failure, Outcome, folder, terminal};
 
@@ -106,6 +107,7 @@ pub(crate) fn run_limit(text: &str) -> Result<u64, String> {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    check_distinct(&arguments.scenario, &arguments.overrides)?;
     let (campaign, scenarios) = Campaign::load(&Request {
         scenario: arguments.scenario.clone(),
         engine: arguments.engine.into(),
@@ -124,6 +126,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     if let Some(shards) = arguments.slurm {
         return slurm::run(arguments, &campaign, (shards, &out));
     }
+    folder::check_writable(&out)?;
     let jobs = arguments
         .jobs
         .or_else(|| std::thread::available_parallelism().ok());
@@ -165,6 +168,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 }
 
 pub(crate) fn merge(arguments: &MergeArguments) -> Result<Outcome, Failure> {
+    folder::check_writable(&arguments.out)?;
     let published = campaign::merge(&arguments.shards, &arguments.out)?;
     print(&published)?;
     Ok(outcome(&published))

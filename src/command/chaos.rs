@@ -11,6 +11,7 @@ use muster_scenarios::report;
 use muster_scenarios::scenario::Override;
 
 use super::campaign::{jobs, run_limit};
+use super::overrides::check_distinct;
 use super::{Failure, Outcome, folder, terminal};
 
 /// Search for a fault plan that breaks a rule, and shrink it.
@@ -54,6 +55,7 @@ pub(crate) struct Arguments {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    check_distinct(&arguments.scenario, &arguments.overrides)?;
     let search = Search::load(&Request {
         scenario: arguments.scenario.clone(),
         set: arguments.overrides.clone(),

@@ -6,6 +6,7 @@ use muster_runtime::mission_file;
 use muster_runtime::text::plural;
 use muster_scenarios::scenario::{self, Override};
 
+use super::overrides::check_distinct;
 use super::{Failure, Outcome, describe_each};
 
 /// Check scenario and mission files without flying them.
@@ -44,6 +45,7 @@ struct Checked {
 
 fn describe(file: &Path, arguments: &Arguments) -> Result<String, BadInput> {
     let overrides = &arguments.overrides;
+    check_distinct(file, overrides)?;
     let is_file_of_scenario = file.extension().is_some_and(|it| it == "toml");
     let checked = if is_file_of_scenario || scenario::is_shipped(file) {
         check_scenario(file, overrides)?

@@ -15,7 +15,26 @@ pub(crate) fn default_for(file: &Path, suffix: impl Display) -> PathBuf {
 /// writable folder.
 pub(crate) fn check_writable(out: &Path) -> Result<(), BadInput> {
     let help = "--out takes a folder; it is created if it does not exist";
-    let existing = out.ancestors().find(|path| path.symlink_metadata().is_ok());
+    check_ancestors(out, help)
+}
+
+/// Refuses a file that can't be written, before work starts. Its folder is created later if it does not exist.
+pub(crate) fn check_file(out: &Path) -> Result<(), BadInput> {
+    let help = "--out takes the path of a file; its folder is created if it does not exist";
+    let refuse = |what: &str| BadInput::without_excerpt(out, what, help);
+    if out.is_dir() || out.file_name().is_none() {
+        return Err(refuse("is a folder"));
+    }
+    if out.exists() && !out.is_file() {
+        return Err(refuse("is not a file but a device or a pipe"));
+    }
+    check_ancestors(out.parent().unwrap_or(Path::new("")), help)
+}
+
+/// Refuses a folder of which the longest existing part is no folder, or can't be written to.
+fn check_ancestors(folder: &Path, help: &str) -> Result<(), BadInput> {
+    let mut ancestors = folder.ancestors();
+    let existing = ancestors.find(|path| path.symlink_metadata().is_ok());
     let existing = existing
         .filter(|path| *path != Path::new(""))
         .unwrap_or(Path::new("."));

@@ -63,7 +63,8 @@ impl From<EngineName> for Engine {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let mut scenario = scenario::load(&arguments.scenario, &arguments.overrides.all())?;
+    let path = &arguments.scenario;
+    let mut scenario = scenario::load(path, &arguments.overrides.all(path)?)?;
     scenario.unchecked = arguments.unchecked;
     let default = folder::default_for(Path::new(&scenario.name), scenario.seed);
     folder::check_writable(arguments.out.as_deref().unwrap_or(&default))?;

@@ -87,7 +87,7 @@ impl From<SwarmError> for Failure {
 }
 
 pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let overrides = arguments.overrides.all();
+    let overrides = arguments.overrides.all(&arguments.scenario)?;
     let scenario = scenario::load(&arguments.scenario, &overrides)?;
     let hosts = arguments.hosts.as_deref();
     let hosts = hosts.map(|path| Hosts::load(path, scenario.plan.nodes()));

@@ -53,6 +53,17 @@ fn wrong_argument_is_refused_with_what_is_accepted() {
             &["did you mean `river`?", "such as \"river\""],
         ),
         (&["--engine", "steam"], &["actors", "events"]),
+        (
+            &["--set", "radio.loss=0", "--set", "radio.loss=0.1"],
+            &[
+                "`radio.loss` is given twice",
+                "radio.loss=0 and by --set radio.loss=0.1",
+            ],
+        ),
+        (
+            &["--seed", "3", "--set", "seed=4"],
+            &["by --seed 3 and by --set seed=4", "leave out one"],
+        ),
         (&["--out", "scenario.toml"], &["scenario.toml"]),
     ];
     let results = cases.iter().map(|(arguments, texts)| {
@@ -112,10 +123,76 @@ fn maps_are_found_by_name_and_what_is_off_them_is_refused() {
             vec!["map", "path", "flat", "1,3.9", "500,0"],
             "a drone can't be at",
         ),
+        (
+            [
+                "map", "patrol", "flat", "--seeds", "0..1", "--fail", "0=dead,0=stuck",
+            ]
+            .to_vec(),
+            "sonar 0 twice, 0=dead and 0=stuck",
+        ),
     ] {
         let (code, [_, error]) = folder.muster(&arguments);
         assert_eq!(code, Some(2), "{arguments:?}: {error}");
         contains(&error, &[says]).unwrap();
+    }
+}
+
+#[test]
+fn field_that_is_set_twice_is_refused_by_all_commands() {
+    let twice = ["--set", "radio.loss=0", "--set", "radio.loss=0.1"];
+    let seeds = ["--seeds", "0..1"];
+    let cases = [
+        [&["check", "scenario.toml"][..], &twice].concat(),
+        [&["campaign", "scenario.toml"][..], &seeds, &twice].concat(),
+        [&["chaos", "scenario.toml"][..], &seeds, &twice].concat(),
+        [&["swarm", "scenario.toml"][..], &twice].concat(),
+    ];
+    assert_all(cases.iter().map(|arguments| {
+        let refused = Folder::new().refused(arguments);
+        let says = ["radio.loss=0 and by --set radio.loss=0.1", "once"];
+        (
+            arguments.join(" "),
+            refused.and_then(|error| contains(&error, &says)),
+        )
+    }));
+}
+
+#[test]
+fn unusable_out_is_refused_before_work_starts() {
+    let commands: [&[&str]; 8] = [
+        &["campaign", "scenario.toml", "--seeds", "0..1"],
+        &["campaign-merge", "missions"],
+        &["chaos", "scenario.toml", "--seeds", "0..1"],
+        &["swarm", "scenario.toml"],
+        &["map", "locate", "flat", "drive.log"],
+        &["map", "path", "flat", "1,3.9", "9,7"],
+        &["map", "cover", "flat"],
+        &["map", "patrol", "flat", "--seeds", "0..1"],
+    ];
+    // A file in the way, and a folder in which not even root can make one.
+    let outs = ["scenario.toml/sub/page.html", "/proc/none/page.html"];
+    let cases = commands
+        .iter()
+        .flat_map(|command| outs.map(|out| [*command, &["--out", out]].concat()));
+    assert_all(cases.map(|arguments| {
+        let folder = Folder::new();
+        folder.write("drive.log", "0 0 0 0 3.1 2 1 1");
+        let refused = folder.refused(&arguments);
+        let result = refused.and_then(|error| contains(&error, &["help: --out takes"]));
+        (arguments.join(" "), result)
+    }));
+}
+
+#[test]
+fn page_is_not_written_over_a_folder_or_a_device() {
+    let folder = Folder::new();
+    for (out, says) in [
+        ("missions", "is a folder"),
+        ("/dev/null", "is not a file"),
+    ] {
+        let arguments = ["map", "path", "flat", "1,3.9", "9,7", "--out", out];
+        let error = folder.refused(&arguments).unwrap();
+        contains(&error, &[out, says, "--out takes the path of a file"]).unwrap();
     }
 }
 

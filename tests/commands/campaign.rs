@@ -324,7 +324,7 @@ fn unusable_arguments_are_refused_and_nothing_is_written() {
         (&["--seeds", "0..2", "--shard", "1/1001"], "is not a shard"),
         (&["--seeds", "0..2", "--jobs", "0"], "from 1 to 1024"),
         (&["--seeds", "0..2", "--engine", "steam"], "events"),
-        (&["--seeds", "0..2", "--out", "taken"], "is a file"),
+        (&["--seeds", "0..2", "--out", "taken"], "is not a folder"),
         (
             &["--seeds", "0..2", "--vary", "mission.file=nowhere.plan"],
             "nowhere.plan",

@@ -34,7 +34,7 @@ pub use recordings::Recording;
 pub use stalls::FirmwareStalls;
 pub use table::{Colour, STYLE as TABLE_STYLE, table};
 pub use tracks::tracks;
-pub use write::{REPORT_HTML, REPORT_JSON, ReportFiles, TRACKS_CSV, WriteError, write};
+pub use write::{REPORT_HTML, REPORT_JSON, ReportFiles, TRACKS_CSV, WriteError, write, write_file};
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;

@@ -88,6 +88,22 @@ pub fn write(dir: &Path, report: &Report, flight: &Flight) -> Result<ReportFiles
     })
 }
 
+/// Writes a file at `path`; its folder is created if needed. The file is never partly written.
+///
+/// # Errors
+/// If the system refuses. An earlier file stays as it was.
+pub fn write_file(path: &Path, content: &[u8]) -> Result<(), WriteError> {
+    let folder = path.parent().filter(|folder| *folder != Path::new(""));
+    let folder = folder.unwrap_or(Path::new("."));
+    let name = path.file_name().ok_or_else(|| {
+        let source = io::Error::new(io::ErrorKind::IsADirectory, "this is a folder");
+        WriteError::file(path, source)
+    })?;
+    create_folder(folder)?;
+    let complete = CompleteFile::new(folder, &name.to_string_lossy(), content)?;
+    complete.publish().map(drop)
+}
+
 /// A report as JSON text with a final line feed.
 pub(crate) fn json(report: &impl Serialize) -> Vec<u8> {
     let mut json = serde_json::to_vec_pretty(report).expect("reports hold no fallible values");

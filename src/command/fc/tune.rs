@@ -28,13 +28,12 @@ pub(super) struct Arguments {
 }
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
-    let scenario = scenario::load(&arguments.scenario, &arguments.overrides.all())?;
+    let path = &arguments.scenario;
+    let scenario = scenario::load(path, &arguments.overrides.all(path)?)?;
     if scenario.plan.vehicle_kind != VehicleKind::Msp {
         let message = "has no flight controllers, and so no gains";
         let help = "set `vehicle.kind` = \"msp\"".to_owned();
-        return Err(
-            BadInput::without_excerpt(&arguments.scenario, message.to_owned(), help).into(),
-        );
+        return Err(BadInput::without_excerpt(path, message.to_owned(), help).into());
     }
     let tuned = tune(&scenario)?;
     terminal::print(&text(&tuned))?;

@@ -58,6 +58,7 @@ fn range(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (name, map) = place::map(&arguments.map)?;
+    let file = place::page_file(arguments.out.as_deref(), &name, "cover")?;
     let floor = Floor::new(map, arguments.radius);
     let start = arguments.start.or_else(|| middle(&floor));
     let start = start.ok_or_else(|| {
@@ -77,7 +78,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     })?;
     let paths: Vec<Vec<MapXy>> = tours.iter().map(|tour| flown(&floor, tour)).collect();
     let page = page::cover(&name, floor.map(), &tours, &paths, &places);
-    let written = place::write(arguments.out.as_deref(), &name, "cover", &page)?;
+    place::write(&file, &page)?;
     let (visible, all) = (places.visible().len(), places.targets().len());
     let mut text = format!(
         " {} % of the free floor can be seen from {:.2}, {:.2} on\n",
@@ -92,7 +93,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             figure(tour.length_m, 1)
         ));
     }
-    text.push_str(&format!("\n wrote {}\n", written.display()));
+    text.push_str(&format!("\n wrote {}\n", file.display()));
     terminal::print(&text)?;
     Ok(Outcome::Success)
 }

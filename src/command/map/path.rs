@@ -42,6 +42,7 @@ pub(super) fn radius(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (name, map) = place::map(&arguments.map)?;
+    let file = place::page_file(arguments.out.as_deref(), &name, "path")?;
     let floor = Floor::new(map, arguments.radius);
     for end in [arguments.from, arguments.to] {
         if !floor.is_free(end) {
@@ -63,13 +64,13 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     };
     let length_m: f64 = path.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
     let page = page::path(&name, floor.map(), arguments.radius, &path);
-    let written = place::write(arguments.out.as_deref(), &name, "path", &page)?;
+    place::write(&file, &page)?;
     let legs = plural(path.len().saturating_sub(1), "straight leg");
     let mut text = format!(" {} m in {legs}\n", figure(length_m, 1));
     for corner in &path {
         text.push_str(&format!("   {:.2}, {:.2}\n", corner.x_m, corner.y_m));
     }
-    text.push_str(&format!("\n wrote {}\n", written.display()));
+    text.push_str(&format!("\n wrote {}\n", file.display()));
     terminal::print(&text)?;
     Ok(Outcome::Success)
 }

@@ -76,8 +76,25 @@ fn command(arguments: &Arguments) -> String {
     }
 }
 
+/// Refuses a sonar that is given twice.
+fn check_sonars(arguments: &Arguments) -> Result<(), BadInput> {
+    for (place, (sonar, how)) in arguments.fail.iter().enumerate() {
+        let earlier = arguments.fail[..place].iter().find(|it| it.0 == *sonar);
+        if let Some((_, earlier)) = earlier {
+            let (earlier, how) = (earlier.name(), how.name());
+            let message =
+                format!("--fail has sonar {sonar} twice, {sonar}={earlier} and {sonar}={how}");
+            let help = "--fail takes each sonar once, from 0 to 4";
+            return Err(BadInput::without_excerpt(&arguments.flat, message, help));
+        }
+    }
+    Ok(())
+}
+
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
+    check_sonars(arguments)?;
     let flat = Flat::read(&arguments.flat)?;
+    let file = place::page_file(arguments.out.as_deref(), &flat.name, "patrol")?;
     let prepared = Prepared::new(flat, Method::default()).map_err(|error| {
         let help = "`start` takes a place that is clear of walls";
         BadInput::without_excerpt(&arguments.flat, error, help)
@@ -108,16 +125,11 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         },
     );
     let page = page::patrol(&prepared, &campaign, &first, &command(arguments));
-    let written = place::write(
-        arguments.out.as_deref(),
-        &prepared.flat.name,
-        "patrol",
-        &page,
-    )?;
+    place::write(&file, &page)?;
     let text = format!(
         "{}\n wrote {}\n",
         campaign::table(&campaign),
-        written.display()
+        file.display()
     );
     terminal::print(&text)?;
     Ok(if campaign.rows.iter().any(Row::broke_rule) {

@@ -1,6 +1,5 @@
 //! Arguments and files that the commands on maps share: maps by name or path, places, pages.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -9,8 +8,9 @@ use muster_indoor::map::Map;
 use muster_indoor_world::flat::Flat;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::map_file;
+use muster_scenarios::report;
 
-use crate::command::Failure;
+use crate::command::{Failure, folder};
 
 /// Parses a place: `X,Y` in metres.
 pub(super) fn place(text: &str) -> Result<MapXy, String> {
@@ -41,19 +41,17 @@ pub(super) fn map(named: &Path) -> Result<(String, Arc<Map>), BadInput> {
     Ok((name.into_owned(), Arc::new(map_file::load(named)?)))
 }
 
-/// Writes a page to the file that was asked for, or to `runs/NAME-WHAT.html`. Its path.
-pub(super) fn write(
-    out: Option<&Path>,
-    name: &str,
-    what: &str,
-    page: &str,
-) -> Result<PathBuf, Failure> {
+/// The file for a page: the one that was asked for, or `runs/NAME-WHAT.html`. Refuses a file that can't be written.
+pub(super) fn page_file(out: Option<&Path>, name: &str, what: &str) -> Result<PathBuf, BadInput> {
     let default = || Path::new("runs").join(format!("{name}-{what}.html"));
     let path = out.map_or_else(default, Path::to_path_buf);
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let written = fs::create_dir_all(folder).and_then(|()| fs::write(&path, page));
-    match written {
-        Ok(()) => Ok(path),
-        Err(source) => Err(Failure::Create { path, source }),
-    }
+    folder::check_file(&path)?;
+    Ok(path)
+}
+
+/// Writes a page. A link stays, and what it points to is written.
+pub(super) fn write(file: &Path, page: &str) -> Result<(), Failure> {
+    let target = file.canonicalize();
+    let target = target.as_deref().unwrap_or(file);
+    Ok(report::write_file(target, page.as_bytes())?)
 }
