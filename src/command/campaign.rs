@@ -15,7 +15,7 @@ use muster_scenarios::scenario::{Override, Variation};
 
 use super::overrides::check_distinct;
 use super::sim::EngineName;
-use super::{Failure, Outcome, folder, terminal};
+use super::{Failure, Outcome, folder, numbers, terminal};
 
 /// Largest accepted run limit, in seconds: a week.
 const RUN_LIMIT_MAX_S: u64 = 604_800;
@@ -63,13 +63,13 @@ pub(crate) struct Arguments {
     /// Write a script for Slurm instead of running: an array job of N shards, which are queued again if their node is lost, and
     /// a job that joins them.
     #[arg(long, value_name = "N", conflicts_with_all = ["shard", "hosts", "jobs"],
-          value_parser = clap::value_parser!(u32).range(1..=1_000))]
+          value_parser = numbers::whole::<u32>(1..=1_000), allow_negative_numbers = true)]
     slurm: Option<u32>,
     /// Number of parallel runs [default: one per core]
-    #[arg(long, value_name = "N", value_parser = jobs)]
+    #[arg(long, value_name = "N", value_parser = jobs, allow_negative_numbers = true)]
     jobs: Option<NonZeroUsize>,
     /// Wall-clock limit of a run; a longer run breaks rule 10 and the campaign continues
-    #[arg(long, value_name = "SECONDS", value_parser = run_limit, default_value_t = RUN_LIMIT.as_secs())]
+    #[arg(long, value_name = "SECONDS", value_parser = run_limit, allow_negative_numbers = true, default_value_t = RUN_LIMIT.as_secs())]
     run_limit: u64,
     /// Output folder; resumes a campaign found there [default: runs/SCENARIO-campaign or -campaign-I-of-N, with -2, -3, …
     /// appended if another campaign has the folder]

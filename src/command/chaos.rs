@@ -37,10 +37,10 @@ pub(crate) struct Arguments {
     #[arg(long = "set", value_name = "KEY=VALUE")]
     overrides: Vec<Override>,
     /// Number of parallel plans [default: one per core]
-    #[arg(long, value_name = "N", value_parser = jobs)]
+    #[arg(long, value_name = "N", value_parser = jobs, allow_negative_numbers = true)]
     jobs: Option<NonZeroUsize>,
     /// Wall-clock limit of a plan; a longer run breaks rule 10
-    #[arg(long, value_name = "SECONDS", value_parser = run_limit, default_value_t = RUN_LIMIT.as_secs())]
+    #[arg(long, value_name = "SECONDS", value_parser = run_limit, allow_negative_numbers = true, default_value_t = RUN_LIMIT.as_secs())]
     run_limit: u64,
     /// Continue after a plan that breaks a rule, and list all such plans
     #[arg(long)]

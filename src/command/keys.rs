@@ -39,7 +39,7 @@ struct Drones {
     /// Fleet folder.
     folder: PathBuf,
     /// Numbers of the drones.
-    #[arg(required = true, value_name = "ID", value_parser = id)]
+    #[arg(required = true, value_name = "ID", value_parser = id, allow_negative_numbers = true)]
     ids: Vec<u32>,
 }
 

@@ -12,6 +12,7 @@ mod keys;
 mod list;
 mod map;
 mod new;
+mod numbers;
 mod overrides;
 mod recordings;
 mod schema;

@@ -22,8 +22,7 @@ impl Overrides {
         check_distinct(scenario, &self.fields)?;
         let field = self.fields.iter().find(|field| field.is_seed());
         if let (Some(field), Some(seed)) = (field, &self.seed) {
-            let message =
-                format!("the seed is given twice, by --seed {seed} and by --set {field}");
+            let message = format!("the seed is given twice, by --seed {seed} and by --set {field}");
             let help = "leave out one of them";
             return Err(BadInput::without_excerpt(scenario, message, help));
         }

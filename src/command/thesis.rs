@@ -10,7 +10,7 @@ use muster_scenarios::scenario::{Override, Scenario};
 use muster_scenarios::thesis::{self, Comparison, Flights};
 
 use super::sim::EngineName;
-use super::{Failure, Outcome, folder, terminal};
+use super::{Failure, Outcome, folder, numbers, terminal};
 
 /// Simulate the thesis's five experiments and compare the results with its tables and figures.
 ///
@@ -35,7 +35,7 @@ pub(crate) struct Arguments {
     )]
     seed: String,
     /// Number of runs behind each mean waiting time.
-    #[arg(long, value_name = "N", default_value_t = thesis::RUNS, value_parser = clap::value_parser!(u32).range(1..=i64::from(thesis::RUNS_MAX)))]
+    #[arg(long, value_name = "N", default_value_t = thesis::RUNS, value_parser = numbers::whole::<u32>(1..=u64::from(thesis::RUNS_MAX)), allow_negative_numbers = true)]
     runs: u32,
     /// Engine that runs the drones; both give the same flights.
     #[arg(long, value_enum, default_value_t = EngineName::Actors)]

@@ -33,6 +33,18 @@ fn wrong_argument_is_refused_with_what_is_accepted() {
             &["--set", "radio.loss=much"],
             &["found the text \"much\", expected a number"],
         ),
+        (
+            &["--set", "x.y.z=1"],
+            &[
+                "there is no field `x.y.z`",
+                "accepted are fields of",
+                "radio",
+            ],
+        ),
+        (
+            &["--set", "radio.power=1"],
+            &["the fields of `radio` are range_m"],
+        ),
         (&["--set", "relays.north_m=5"], &["relays"]),
         (&["--set", "radio.range_m"], &["key=value"]),
         (
@@ -125,7 +137,13 @@ fn maps_are_found_by_name_and_what_is_off_them_is_refused() {
         ),
         (
             [
-                "map", "patrol", "flat", "--seeds", "0..1", "--fail", "0=dead,0=stuck",
+                "map",
+                "patrol",
+                "flat",
+                "--seeds",
+                "0..1",
+                "--fail",
+                "0=dead,0=stuck",
             ]
             .to_vec(),
             "sonar 0 twice, 0=dead and 0=stuck",
@@ -135,6 +153,56 @@ fn maps_are_found_by_name_and_what_is_off_them_is_refused() {
         assert_eq!(code, Some(2), "{arguments:?}: {error}");
         contains(&error, &[says]).unwrap();
     }
+}
+
+#[test]
+fn numbers_out_of_range_are_refused_with_the_range() {
+    let folder = Folder::new();
+    let campaign = ["campaign", "scenario.toml", "--seeds", "0..1"];
+    let path = ["map", "path", "flat", "1,3.9", "9,7"];
+    let cases: [(&[&str], [&str; 2], &str); 11] = [
+        (
+            &["thesis"],
+            ["--runs", "0"],
+            "a whole number from 1 to 1000",
+        ),
+        (
+            &["thesis"],
+            ["--runs", "-3"],
+            "a whole number from 1 to 1000",
+        ),
+        (&campaign, ["--slurm", "0"], "a whole number from 1 to 1000"),
+        (&campaign, ["--jobs", "-1"], "a whole number from 1 to 1024"),
+        (
+            &campaign,
+            ["--run-limit", "-5"],
+            "a whole number of seconds",
+        ),
+        (&path, ["--radius", "-1"], "a number from 0 to 5"),
+        (&["map", "cover", "flat"], ["--drones", "0"], "from 1 to 20"),
+        (
+            &["map", "cover", "flat"],
+            ["--range", "-1"],
+            "from 0.5 to 20",
+        ),
+        (
+            &["map", "locate", "flat", "x"],
+            ["--particles", "0"],
+            "a whole number from 1000 to 1000000",
+        ),
+        (
+            &["map", "locate", "flat", "x"],
+            ["--seed", "-1"],
+            "a whole number from 0",
+        ),
+        (&["keys", "drone", "ours"], ["1", "-1"], "a whole number"),
+    ];
+    assert_all(cases.iter().map(|(command, last, accepted)| {
+        let arguments = [command, &last[..]].concat();
+        let refused = folder.refused(&arguments);
+        let result = refused.and_then(|error| contains(&error, &[accepted]));
+        (arguments.join(" "), result)
+    }));
 }
 
 #[test]
@@ -186,10 +254,7 @@ fn unusable_out_is_refused_before_work_starts() {
 #[test]
 fn page_is_not_written_over_a_folder_or_a_device() {
     let folder = Folder::new();
-    for (out, says) in [
-        ("missions", "is a folder"),
-        ("/dev/null", "is not a file"),
-    ] {
+    for (out, says) in [("missions", "is a folder"), ("/dev/null", "is not a file")] {
         let arguments = ["map", "path", "flat", "1,3.9", "9,7", "--out", out];
         let error = folder.refused(&arguments).unwrap();
         contains(&error, &[out, says, "--out takes the path of a file"]).unwrap();

@@ -88,7 +88,11 @@ impl std::str::FromStr for Override {
                 is_in_file: false,
             })
         } else {
-            Err(format!("there is no field `{key}`{}", suggestion(key)))
+            let near = suggestion(key);
+            Err(format!(
+                "there is no field `{key}`{near}; {}",
+                accepted_keys(key)
+            ))
         }
     }
 }
@@ -108,6 +112,28 @@ fn suggestion(key: &str) -> String {
     let similar = nearest(field, paths().map(own_name));
     let similar = similar.and_then(|name| paths().find(|path| own_name(path) == name));
     similar.map_or_else(String::new, |path| format!("; did you mean `{path}`?"))
+}
+
+/// The fields that can be set: those of the key's table if it names one, else the tables.
+fn accepted_keys(key: &str) -> String {
+    let table = key.rsplit_once('.').map_or("", |(table, _)| table);
+    let own = |path: &'static str| path.strip_prefix(table)?.strip_prefix('.');
+    let names = FIELDS.iter().filter_map(|(path, _)| own(path));
+    let names: Vec<&str> = names.filter(|name| !name.contains('.')).collect();
+    if !table.is_empty() && !names.is_empty() {
+        return format!("the fields of `{table}` are {}", names.join(", "));
+    }
+    let mut tables: Vec<&str> = Vec::new();
+    let all = FIELDS.iter().filter_map(|(path, _)| path.split_once('.'));
+    for (table, _) in all.filter(|(table, _)| !LISTS.contains(table)) {
+        if !tables.contains(&table) {
+            tables.push(table);
+        }
+    }
+    let tables = tables.join(", ");
+    format!(
+        "accepted are fields of {tables}, as in radio.range_m; `muster schema scenario` lists all"
+    )
 }
 
 /// A scenario file's text with its overrides.
@@ -210,6 +236,16 @@ impl Source {
     pub fn accepted_at(&self, span: Range<usize>) -> String {
         accepted(FIELDS, &self.text, &span, "").unwrap_or_else(|| NOT_TOML.to_owned())
     }
+}
+
+/// What the field of this name accepts, in words.
+#[must_use]
+pub fn field_help(key: &str) -> String {
+    let known = FIELDS.iter().find(|(known, _)| *known == key);
+    known.map_or_else(
+        || NOT_TOML.to_owned(),
+        |(_, accepted)| format!("`{key}` takes {accepted}"),
+    )
 }
 
 /// Whether this names a shipped scenario or mission, not a file: a single word without a dot.

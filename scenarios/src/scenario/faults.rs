@@ -6,7 +6,7 @@ use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 use muster_runtime::diagnostic::BadInput;
-use muster_runtime::plan::file::Source;
+use muster_runtime::plan::file::{Source, field_help};
 use muster_runtime::plan::raw::{
     self, DroneName, FaultKindName, Pair, ProtocolKind, Raw, ReceiverName, Role, Sender, Whole,
 };
@@ -81,7 +81,8 @@ impl Reader<'_> {
                 }
                 None if taken.required.contains(&key) => {
                     let message = format!("a fault of kind `{name}` needs `{key}`; it takes {all}");
-                    return Err(self.source.error(fault.kind.span(), &message));
+                    let help = field_help(&format!("faults.{key}"));
+                    return Err(self.source.error_with(fault.kind.span(), &message, help));
                 }
                 Some(_) | None => {}
             }

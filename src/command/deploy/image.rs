@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use clap::Args;
 use muster_deploy::image::{Card, RATES_MBPS, country, host_name, prepare, ssid, user_name};
 
-use crate::command::{Failure, Outcome, terminal};
+use crate::command::{Failure, Outcome, numbers, terminal};
 
 /// Prepare a stock Raspberry Pi OS Lite card, so that it starts without a screen and is reached over ssh.
 ///
@@ -35,7 +35,7 @@ pub(super) struct Arguments {
     #[arg(long, default_value = "muster", value_parser = ssid)]
     ssid: String,
     /// Its channel at 2.4 GHz.
-    #[arg(long, value_name = "1..13", default_value_t = 1, value_parser = clap::value_parser!(u8).range(1..=13))]
+    #[arg(long, value_name = "1..13", default_value_t = 1, value_parser = numbers::whole::<u8>(1..=13), allow_negative_numbers = true)]
     channel: u8,
     /// Its fixed rate, in Mbit/s.
     #[arg(long, value_name = "RATE", default_value_t = 6, value_parser = rate)]

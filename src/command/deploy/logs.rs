@@ -6,6 +6,7 @@ use muster_deploy::rollout::pass_through;
 
 use super::super::{Failure, Outcome};
 use super::DeployFailure;
+use crate::command::numbers;
 
 /// Show the logs of drones and of trials on a host, from its journal.
 #[derive(Debug, Args)]
@@ -16,7 +17,7 @@ pub(super) struct Arguments {
     /// Name of the host.
     host: String,
     /// The newest lines to show.
-    #[arg(long, value_name = "N", default_value_t = 100)]
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = numbers::whole::<u32>(0..=u64::from(u32::MAX)), allow_negative_numbers = true)]
     lines: u32,
     /// Print new lines until interrupted.
     #[arg(long)]

@@ -12,7 +12,7 @@ use muster_runtime::identity::{
     CalendarTime, ControllerFacts, EvidenceKind, Fleet, Grant, GrantedStage, hex,
 };
 
-use crate::command::{Failure, Outcome, fc, keys, terminal};
+use crate::command::{Failure, Outcome, fc, keys, numbers, terminal};
 
 const DAY: Duration = Duration::from_secs(86_400);
 
@@ -86,7 +86,7 @@ struct End {
     #[arg(long, value_name = "TIME", value_parser = time)]
     until: Option<CalendarTime>,
     /// Days until it ends.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=366))]
+    #[arg(long, value_name = "N", value_parser = numbers::whole::<u32>(1..=366), allow_negative_numbers = true)]
     days: Option<u32>,
 }
 

@@ -7,7 +7,7 @@ use muster_port::{Address, FlowPort};
 use serde_json::json;
 
 use super::{ControllerError, Failure, Outcome};
-use crate::command::terminal;
+use crate::command::{numbers, terminal};
 
 /// Between two views on a terminal.
 const REPAINT: Duration = Duration::from_millis(200);
@@ -27,7 +27,7 @@ pub(super) struct Arguments {
     #[arg(long)]
     json: bool,
     /// Stop after that long; until interrupted if absent
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = numbers::whole::<u64>(1..=u64::from(u32::MAX)), allow_negative_numbers = true)]
     seconds: Option<u64>,
 }
 

@@ -15,7 +15,7 @@ use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
 use super::{ControllerError, Failure, Outcome};
-use crate::command::terminal;
+use crate::command::{numbers, terminal};
 
 /// Where the simulated aircraft stands without a scenario: degrees north and east, metres above sea level.
 const PLACE: [f64; 3] = [39.48, -0.34, 20.0];
@@ -36,10 +36,10 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "SCENARIO", requires = "drone")]
     scenario: Option<PathBuf>,
     /// Number of the drone in the scenario.
-    #[arg(long, value_name = "ID", requires = "scenario")]
+    #[arg(long, value_name = "ID", requires = "scenario", value_parser = numbers::whole::<u32>(0..=99_999), allow_negative_numbers = true)]
     drone: Option<u32>,
     /// Seed of the errors of its sensors.
-    #[arg(long, default_value_t = 1)]
+    #[arg(long, default_value_t = 1, value_parser = numbers::whole::<u64>(0..=u64::MAX), allow_negative_numbers = true)]
     seed: u64,
 }
 

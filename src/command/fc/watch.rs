@@ -8,7 +8,7 @@ use muster_port::{Event, Link, State, Status as LinkStatus};
 use serde_json::json;
 
 use super::{Device, Failure, Outcome};
-use crate::command::terminal;
+use crate::command::{numbers, terminal};
 
 /// Between two views on a terminal.
 const REPAINT: Duration = Duration::from_millis(200);
@@ -24,7 +24,7 @@ pub(super) struct Arguments {
     #[command(flatten)]
     device: Device,
     /// Stop after that long; until interrupted if absent
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", value_parser = numbers::whole::<u64>(1..=u64::from(u32::MAX)), allow_negative_numbers = true)]
     seconds: Option<u64>,
 }
 

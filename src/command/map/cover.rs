@@ -33,13 +33,13 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "X,Y", value_parser = place::place, allow_hyphen_values = true)]
     start: Option<MapXy>,
     /// Number of drones
-    #[arg(long, value_name = "N", value_parser = drones, default_value = "1")]
+    #[arg(long, value_name = "N", value_parser = drones, allow_negative_numbers = true, default_value = "1")]
     drones: NonZeroUsize,
     /// How far the camera sees, in metres
-    #[arg(long, value_name = "METRES", value_parser = range, default_value_t = 4.0)]
+    #[arg(long, value_name = "METRES", value_parser = range, allow_negative_numbers = true, default_value_t = 4.0)]
     range: f64,
     /// Distance to keep from walls, in metres
-    #[arg(long, value_name = "METRES", value_parser = path::radius, default_value_t = LIMITS.radius_m)]
+    #[arg(long, value_name = "METRES", value_parser = path::radius, allow_negative_numbers = true, default_value_t = LIMITS.radius_m)]
     radius: f64,
     /// Page to write [default: runs/MAP-cover.html]
     #[arg(long, value_name = "FILE")]

@@ -12,7 +12,7 @@ use muster_scenarios::localisation::{self, Question, Start, Track};
 use muster_scenarios::report;
 
 use super::place;
-use crate::command::{Failure, Outcome, folder, terminal};
+use crate::command::{Failure, Outcome, folder, numbers, terminal};
 
 /// Find the place of a drive on a map: a particle filter over a log of laser scans.
 ///
@@ -32,7 +32,7 @@ pub(super) struct Arguments {
     #[arg(value_name = "LOG")]
     log: PathBuf,
     /// Random seed of the filter.
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = numbers::whole::<u64>(0..=u64::MAX), allow_negative_numbers = true)]
     seed: u64,
     /// Pose at the start on the map: metres, metres, degrees.
     #[arg(long, value_name = "X,Y,DEG", value_parser = numbers::<3>, allow_hyphen_values = true, conflicts_with = "within")]
@@ -44,10 +44,10 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "X,Y,DEG", value_parser = numbers::<3>, allow_hyphen_values = true, default_value = "0,0,0")]
     laser: [f64; 3],
     /// Range of the laser, metres, 0.1 to 1,000; longer ranges are no return.
-    #[arg(long, value_name = "M", value_parser = range, default_value_t = 80.0)]
+    #[arg(long, value_name = "M", value_parser = range, allow_negative_numbers = true, default_value_t = 80.0)]
     range: f64,
     /// Most particles.
-    #[arg(long, value_name = "N", default_value_t = Config::default().max_particles as u32, value_parser = clap::value_parser!(u32).range(1_000..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = Config::default().max_particles as u32, value_parser = numbers::whole::<u32>(1_000..=1_000_000), allow_negative_numbers = true)]
     particles: u32,
     /// Pose at the last scan, if it is known, to print the error: metres, metres, degrees.
     #[arg(long, value_name = "X,Y,DEG", value_parser = numbers::<3>, allow_hyphen_values = true)]

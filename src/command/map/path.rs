@@ -29,7 +29,7 @@ pub(super) struct Arguments {
     #[arg(value_name = "X,Y", value_parser = place::place, allow_hyphen_values = true)]
     to: MapXy,
     /// Distance to keep from walls, in metres
-    #[arg(long, value_name = "METRES", value_parser = radius, default_value_t = LIMITS.radius_m)]
+    #[arg(long, value_name = "METRES", value_parser = radius, allow_negative_numbers = true, default_value_t = LIMITS.radius_m)]
     radius: f64,
     /// Page to write [default: runs/MAP-path.html]
     #[arg(long, value_name = "FILE")]

@@ -37,7 +37,7 @@ pub(super) struct Arguments {
     #[arg(long, value_name = "SONAR=HOW", value_delimiter = ',', value_parser = failing)]
     fail: Vec<(usize, Failing)>,
     /// Number of parallel patrols [default: one per core]
-    #[arg(long, value_name = "N", value_parser = jobs)]
+    #[arg(long, value_name = "N", value_parser = jobs, allow_negative_numbers = true)]
     jobs: Option<NonZeroUsize>,
     /// Page to write [default: runs/FLAT-patrol.html]
     #[arg(long, value_name = "FILE")]
