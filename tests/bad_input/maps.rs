@@ -25,7 +25,7 @@ fn replaced(whole: &str, found: &str, by: &str) -> String {
 fn broken_maps_are_refused_with_the_place() {
     let map = |found: &str, by: &str| replaced(MAP, found, by);
     let plan = |rows: &str| format!("resolution: 0.1\nplan: |\n{rows}");
-    let cases: [(String, &[&str]); 14] = [
+    let cases: [(String, &[&str]); 17] = [
         (
             map("image:", "images:"),
             &["floor.yaml:1:1", "did you mean"],
@@ -63,7 +63,19 @@ fn broken_maps_are_refused_with_the_place() {
         ),
         (
             plan("  #####\n  #.o.#\n  #####\n"),
-            &["floor.yaml", "line 2, column 3"],
+            &["floor.yaml:4:5", "line 2, column 3"],
+        ),
+        (
+            plan("\n  #####\n\n  #.o.#\n  #####\n"),
+            &["floor.yaml:6:5", "line 4, column 3"],
+        ),
+        (
+            plan("  #####\n  #...#\n#####\n"),
+            &["floor.yaml:5:1", "the plan has ended before this line"],
+        ),
+        (
+            plan("#####\n#...#\n#####\n"),
+            &["floor.yaml:3:1", "the plan has ended before this line"],
         ),
         ("image: [".to_owned(), &["floor.yaml"]),
         (String::new(), &["floor.yaml", "empty"]),
@@ -79,9 +91,12 @@ fn broken_maps_are_refused_with_the_place() {
 
 #[test]
 fn broken_images_are_refused_by_their_own_name() {
-    let cases: [(&[u8], &str); 8] = [
-        (b"GIF89a", "no PGM and no PNG"),
-        (b"", "floor.pgm"),
+    let cases: [(&[u8], &str); 11] = [
+        (b"GIF89a", "no PGM and no PNG image: it is a GIF image"),
+        (b"\xff\xd8\xff\xe0", "it is a JPEG image"),
+        (b"a plan\n", "it is a text"),
+        (b"\x00\x9f", "it is another kind of file"),
+        (b"", "it is empty"),
         (b"P5", "the width"),
         (b"P2 3 x 255", "the height"),
         (b"P2 2 1 100 0 101", "row 1, column 2"),
@@ -101,6 +116,81 @@ fn broken_images_are_refused_by_their_own_name() {
     fs::remove_file(folder.path("floor.pgm")).unwrap();
     let error = folder.refused(&["map", "check", "floor.yaml"]).unwrap();
     contains(&error, &["floor.pgm", "no such file"]).unwrap();
+    contains(&error, &["its path starts at the map's folder, ."]).unwrap();
+}
+
+#[test]
+fn missing_image_is_refused_with_its_folder_and_the_images_there() {
+    let folder = Folder::new();
+    folder.write("missions/map.yaml", replaced(MAP, "floor.pgm", "flor.pgm"));
+    let check = || {
+        folder
+            .refused(&["map", "check", "missions/map.yaml"])
+            .unwrap()
+    };
+    let resolved = ["missions/flor.pgm", "starts at the map's folder, missions"];
+    contains(&check(), &resolved).unwrap();
+    contains(&check(), &["its folder has no PGM or PNG"]).unwrap();
+    folder.write("missions/cellar.png", IMAGE);
+    contains(&check(), &["its folder has cellar.png"]).unwrap();
+    folder.write("missions/floor.pgm", IMAGE);
+    contains(&check(), &["did you mean `missions/floor.pgm`?"]).unwrap();
+}
+
+#[test]
+fn comment_after_a_plan_is_accepted() {
+    let plan = "resolution: 0.5\nplan: |\n  #####\n  #...#\n  #####\n# two rooms\n#\n";
+    let (code, [output, error]) = folder(plan, IMAGE).muster(&["map", "check", "floor.yaml"]);
+    assert_eq!(code, Some(0), "{error}");
+    contains(&output, &["5 × 3 cells"]).unwrap();
+}
+
+#[test]
+fn zones_that_close_the_way_are_named() {
+    let plan = |rows: &str| format!("resolution: 0.5\nplan: |\n{rows}");
+    let zone = plan("  #########\n  #...x...#\n  #########\n");
+    let wall = plan("  #########\n  #.x.#...#\n  #########\n");
+    let cases = [
+        (&zone, "3.75,0.75", "keep-out zones close the way"),
+        (&zone, "2.25,0.75", "a keep-out zone is there"),
+        (&wall, "3.75,0.75", "a smaller --radius fits"),
+    ];
+    assert_all(cases.map(|(plan, to, says)| {
+        let folder = folder(plan, IMAGE);
+        let path = [
+            "map",
+            "path",
+            "floor.yaml",
+            "0.75,0.75",
+            to,
+            "--radius",
+            "0.1",
+        ];
+        let refused = folder.refused(&path);
+        (says, refused.and_then(|error| contains(&error, &[says])))
+    }));
+}
+
+#[test]
+fn drones_without_a_stop_are_counted() {
+    let plan = "resolution: 0.5\nplan: |\n  #####\n  #...#\n  #####\n";
+    let folder = folder(plan, IMAGE);
+    let cover = |drones: &str| {
+        let cover = ["map", "cover", "floor.yaml", "--drones", drones];
+        let (code, [output, error]) = folder.muster(&cover);
+        assert_eq!(code, Some(0), "{error}");
+        (
+            output,
+            fs::read_to_string(folder.path("runs/floor-cover.html")).unwrap(),
+        )
+    };
+    let (output, page) = cover("3");
+    let idle = "2 drones have nothing to do; --drones 1 is enough";
+    contains(&output, &[idle]).unwrap();
+    contains(&page, &["2 drones without a stop: fewer are enough."]).unwrap();
+    let (output, page) = cover("1");
+    assert!(!output.contains("nothing to do"), "{output}");
+    assert!(!page.contains("without a stop"));
 }
 
 #[test]
@@ -158,7 +248,7 @@ fn broken_flats_are_refused_with_the_place() {
                 "#...............#........................#",
                 "#.......o.......#........................#",
             ),
-            &["flat.toml:4", "line 2, column"],
+            &["flat.toml:6:9", "line 2, column 9"],
         ),
         (
             flat("plan = '''", "plan = ''''''\nother = '''"),

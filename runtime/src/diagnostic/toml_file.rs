@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 
 use super::{BadInput, accepted, plain, read_text};
-use crate::schema::{FieldList, from_toml};
+use crate::schema::{FieldList, Located, from_toml};
 
 /// Description of a file format, for error messages.
 #[derive(Debug, Clone, Copy)]
@@ -65,6 +65,17 @@ impl<T> TomlFile<T> {
     /// An error at `span` with its own help text.
     pub fn error_with(&self, span: Range<usize>, message: &str, help: &str) -> BadInput {
         BadInput::new(&self.path, &self.text, span, message, help)
+    }
+
+    /// The place in the file of a part of a string's value, in bytes of the value. It is the whole string if the value does not
+    /// stand in the file as it is.
+    #[must_use]
+    pub fn place_of(&self, string: &Located<String>, part: Range<usize>) -> Range<usize> {
+        let whole = string.span();
+        match self.text[whole.clone()].find(string.get_ref().as_str()) {
+            Some(start) => whole.start + start + part.start..whole.start + start + part.end,
+            None => whole,
+        }
     }
 
     /// Resolves a path against this file's folder.

@@ -107,7 +107,7 @@ fn broken_yaml_is_refused_with_its_place() {
 fn broken_images_are_refused_by_their_own_name() {
     let images: [(&str, &[u8]); 10] = [
         ("no PGM and no PNG", b"GIF89a"),
-        ("no PGM and no PNG", b""),
+        ("it is empty", b""),
         ("the width", b"P5"),
         ("the height", b"P2 3 x 255"),
         ("0 to 65535", b"P2 2 1 255 0"),

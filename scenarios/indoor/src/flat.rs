@@ -170,7 +170,10 @@ fn drawn_map(file: &TomlFile<Raw>) -> Result<Map, BadInput> {
     // The drawn plan first, for the places in its errors.
     Map::from_text(raw.plan.get_ref(), cell_m)
         .and_then(|_| Map::from_text(&widened(raw.plan.get_ref(), cells), CELL_M))
-        .map_err(|error| file.error_with(raw.plan.span(), &error.message, &error.accepted))
+        .map_err(|error| {
+            let span = file.place_of(&raw.plan, error.span);
+            file.error_with(span, &error.message, &error.accepted)
+        })
 }
 
 /// Whether a point is inside and clear of walls.

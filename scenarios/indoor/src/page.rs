@@ -56,6 +56,7 @@ pub fn cover(
 ) -> String {
     let drawing = Drawing::new(map);
     let all = places.targets().len();
+    let idle = tours.iter().filter(|tour| tour.stops.is_empty()).count();
     let hidden = (0..all).filter(|target| !places.visible().contains(*target));
     let content = html! {
         header {
@@ -69,7 +70,10 @@ pub fn cover(
         }
         section {
             h2 { "Tours" }
-            p.about { "A drone looks round once at each numbered stop." }
+            p.about {
+                "A drone looks round once at each numbered stop."
+                @if idle > 0 { " " (plural(idle, "drone")) " without a stop: fewer are enough." }
+            }
             (drawing.svg(&html! {
                 (drawing.squares(hidden.map(|target| places.targets().centre(target)), "hidden"))
                 @for (drone, path) in paths.iter().enumerate() { (drawing.line(path, &format!("path s{}", drone % COLOURS))) }

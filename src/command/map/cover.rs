@@ -93,9 +93,26 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             figure(tour.length_m, 1)
         ));
     }
+    text.push_str(&idle(&tours));
     text.push_str(&format!("\n wrote {}\n", file.display()));
     terminal::print(&text)?;
     Ok(Outcome::Success)
+}
+
+/// A line on drones without a stop, if there are any.
+fn idle(tours: &[Tour]) -> String {
+    let used = tours.iter().filter(|tour| !tour.stops.is_empty()).count();
+    match tours.len() - used {
+        0 => String::new(),
+        idle => format!(
+            " {} nothing to do; --drones {} is enough\n",
+            match idle {
+                1 => "1 drone has".to_owned(),
+                idle => format!("{idle} drones have"),
+            },
+            used.max(1)
+        ),
+    }
 }
 
 /// The path of a tour.

@@ -1,4 +1,5 @@
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use clap::Args;
 use muster_indoor::frames::MapXy;
@@ -44,24 +45,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (name, map) = place::map(&arguments.map)?;
     let file = place::page_file(arguments.out.as_deref(), &name, "path")?;
     let floor = Floor::new(map, arguments.radius);
-    for end in [arguments.from, arguments.to] {
-        if !floor.is_free(end) {
-            let message = format!("a drone can't be at {end:?}");
-            let help = format!(
-                "a place on the map, {} m from walls and from what is unknown",
-                arguments.radius
-            );
-            return Err(BadInput::without_excerpt(&arguments.map, message, help).into());
-        }
-    }
-    let Some(path) = floor.path(arguments.from, arguments.to) else {
-        let message = format!(
-            "there is no path from {:?} to {:?}",
-            arguments.from, arguments.to
-        );
-        let help = "a smaller --radius fits through narrower doors";
-        return Err(BadInput::without_excerpt(&arguments.map, message, help).into());
-    };
+    let path = find(arguments, &floor)?;
     let length_m: f64 = path.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
     let page = page::path(&name, floor.map(), arguments.radius, &path);
     place::write(&file, &page)?;
@@ -73,4 +57,43 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     text.push_str(&format!("\n wrote {}\n", file.display()));
     terminal::print(&text)?;
     Ok(Outcome::Success)
+}
+
+/// The path; an error says whether walls or zones are in the way.
+fn find(arguments: &Arguments, floor: &Floor) -> Result<Vec<MapXy>, BadInput> {
+    let (from, to) = (arguments.from, arguments.to);
+    let refuse =
+        |message: String, help: &str| Err(BadInput::without_excerpt(&arguments.map, message, help));
+    // Only a refusal costs a second floor.
+    let without_zones = || {
+        let map = floor.map().without_zones();
+        Floor::new(Arc::new(map), arguments.radius)
+    };
+    for end in [from, to] {
+        if !floor.is_free(end) {
+            let message = format!("a drone can't be at {end:?}");
+            let radius = arguments.radius;
+            if without_zones().is_free(end) {
+                let message = format!("{message}: a keep-out zone is there, or too near");
+                let help =
+                    format!("a place on the map, {radius} m from zones that are not to be entered");
+                return refuse(message, &help);
+            }
+            let help =
+                format!("a place on the map, {radius} m from walls and from what is unknown");
+            return refuse(message, &help);
+        }
+    }
+    if let Some(path) = floor.path(from, to) {
+        return Ok(path);
+    }
+    let message = format!("there is no path from {from:?} to {to:?}");
+    if without_zones().path(from, to).is_some() {
+        let message = format!("{message}: keep-out zones close the way");
+        return refuse(
+            message,
+            "a smaller --radius, or other zones (`keep_out`, or `x` in a plan)",
+        );
+    }
+    refuse(message, "a smaller --radius fits through narrower doors")
 }

@@ -6,6 +6,8 @@
 
 use std::ops::Range;
 
+use super::place::Place;
+use super::plan::of_character;
 use super::yaml::{self, Content, Entry, Value};
 use crate::frames::{MapPose, MapXy};
 use crate::refusal::Refusal;
@@ -57,7 +59,7 @@ pub(super) enum Source {
     Plan {
         text: String,
         cells: usize,
-        span: Range<usize>,
+        place: Place,
     },
 }
 
@@ -125,14 +127,15 @@ impl Header {
     }
 }
 
-struct Fields {
+struct Fields<'a> {
+    text: &'a str,
     entries: Vec<Entry>,
     /// Where a missing field is reported.
     end: usize,
 }
 
-impl Fields {
-    fn new(text: &str, entries: Vec<Entry>) -> Result<Self, Refusal> {
+impl<'a> Fields<'a> {
+    fn new(text: &'a str, entries: Vec<Entry>) -> Result<Self, Refusal> {
         for (index, entry) in entries.iter().enumerate() {
             let key = entry.key.as_str();
             if !FIELDS.contains(&key) {
@@ -160,6 +163,7 @@ impl Fields {
             }
         }
         Ok(Self {
+            text,
             entries,
             end: text.trim_end().len(),
         })
@@ -168,6 +172,12 @@ impl Fields {
     fn find(&self, key: &str) -> Option<&Value> {
         let mut entries = self.entries.iter();
         entries.find(|it| it.key == key).map(|it| &it.value)
+    }
+
+    /// Where a field's name begins.
+    fn key(&self, key: &str) -> usize {
+        let entry = self.entries.iter().find(|it| it.key == key);
+        entry.map_or(self.end, |entry| entry.key_span.start)
     }
 
     fn span(&self, key: &str) -> Range<usize> {
@@ -248,7 +258,7 @@ impl Fields {
                 Ok(Source::Plan {
                     text: plan.to_owned(),
                     cells: cells as usize,
-                    span: self.span("plan"),
+                    place: Place::after(self.text, self.key("plan"), (plan, self.span("plan"))),
                 })
             }
             (None, None) => {
@@ -340,13 +350,17 @@ impl Fields {
 }
 
 /// Refuses lines that look like a plan's, but stand behind its end: YAML ends a block at the first line that begins further left
-/// than its first one, and takes what begins with `#` as a comment.
+/// than its first one, and takes what begins with `#` as a comment. At the beginning of a line a comment is accepted unless it is
+/// drawn with a plan's characters alone.
 fn refuse_lost_lines(text: &str, behind: Range<usize>) -> Result<(), Refusal> {
     let mut start = text[..behind.start].rfind('\n').map_or(0, |it| it + 1);
     for line in text[start..behind.end].split_inclusive('\n') {
         let span = start..start + line.trim_end().len();
         start += line.len();
-        let is_lost = line.starts_with([' ', '\t']) && line.trim_start().starts_with('#');
+        let is_drawn =
+            line.trim().len() > 1 && line.trim().chars().all(|it| of_character(it).is_some());
+        let is_indented = line.starts_with([' ', '\t']);
+        let is_lost = line.trim_start().starts_with('#') && (is_indented || is_drawn);
         if is_lost && span.start >= behind.start {
             let message = "the plan has ended before this line, for it begins further left than the plan's first line";
             let accepted = "`plan: |2` for lines that begin after two spaces, or `?` in the place of a space for what is unknown";

@@ -11,11 +11,8 @@ pub const IMAGE_SIZE_MAX: usize = 16 << 20;
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum ImageError {
     /// Neither PGM nor PNG by its first bytes.
-    #[error("this is no PGM and no PNG image: it begins with {start:02x?}")]
-    Format {
-        /// Its first bytes.
-        start: Vec<u8>,
-    },
+    #[error("this is no PGM and no PNG image: it is {0}")]
+    Format(&'static str),
     /// The file is larger than [`IMAGE_SIZE_MAX`].
     #[error("the image has {bytes} bytes, at most {IMAGE_SIZE_MAX} are accepted")]
     Size {
@@ -83,9 +80,37 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Image, ImageError> {
         [b'P', b'5', ..] => pgm(bytes, Pgm::Binary),
         [b'P', b'2', ..] => pgm(bytes, Pgm::Text),
         [0x89, b'P', b'N', b'G', ..] => png(bytes),
-        _ => Err(ImageError::Format {
-            start: bytes[..bytes.len().min(4)].to_vec(),
-        }),
+        _ => Err(ImageError::Format(kind(bytes))),
+    }
+}
+
+/// What a file is that is no image of a map, by its first bytes.
+fn kind(bytes: &[u8]) -> &'static str {
+    match bytes {
+        [] => "empty",
+        [b'P', b'1' | b'4', ..] => "a PBM image, black and white",
+        [b'P', b'3' | b'6', ..] => "a PPM image, with colours",
+        [0xff, 0xd8, 0xff, ..] => "a JPEG image",
+        [b'G', b'I', b'F', b'8', ..] => "a GIF image",
+        [b'B', b'M', ..] => "a BMP image",
+        [b'I', b'I', b'*', 0, ..] | [b'M', b'M', 0, b'*', ..] => "a TIFF image",
+        [
+            b'R',
+            b'I',
+            b'F',
+            b'F',
+            _,
+            _,
+            _,
+            _,
+            b'W',
+            b'E',
+            b'B',
+            b'P',
+            ..,
+        ] => "a WebP image",
+        _ if std::str::from_utf8(bytes).is_ok_and(|it| !it.contains('\0')) => "a text",
+        _ => "another kind of file",
     }
 }
 

@@ -7,6 +7,7 @@ mod cast;
 mod distance;
 mod header;
 mod image;
+mod place;
 mod plan;
 #[cfg(test)]
 mod tests;
@@ -18,6 +19,7 @@ use crate::refusal::Refusal;
 use header::Source;
 pub use header::{CORNERS_MAX, Header, Mode, TEXT_SIZE_MAX, ZONES_MAX};
 pub use image::{IMAGE_SIZE_MAX, ImageError};
+use place::Place;
 
 /// Most cells of a map: 100 m × 100 m at 5 cm.
 pub const CELLS_MAX: usize = 4_000_000;
@@ -77,7 +79,7 @@ impl Map {
     pub fn parse(header: &Header, image: &[u8]) -> Result<Self, MapError> {
         let grid = match &header.source {
             Source::Image(_) => plan::of_image(header, &image::decode(image)?),
-            Source::Plan { text, cells, span } => plan::of_text(text, *cells, span)?,
+            Source::Plan { text, cells, place } => plan::of_text(text, *cells, place)?,
         };
         Ok(Self::new(header, grid))
     }
@@ -96,7 +98,7 @@ impl Map {
     /// assert_eq!(map.cast(MapXy::new(0.75, 0.75), 0.0, 4.0), Some(1.25));
     /// ```
     pub fn from_text(plan: &str, resolution_m: f64) -> Result<Self, Refusal> {
-        let grid = plan::of_text(plan, 1, &(0..plan.len()))?;
+        let grid = plan::of_text(plan, 1, &Place::of_all(plan))?;
         Ok(Self::new(&Header::of_plan(resolution_m), grid))
     }
 
@@ -198,6 +200,15 @@ impl Map {
     #[must_use]
     pub fn is_kept_out(&self, cell: Cell) -> bool {
         self.index(cell).is_some_and(|index| self.kept_out[index])
+    }
+
+    /// The same map without zones that are not to be entered.
+    #[must_use]
+    pub fn without_zones(&self) -> Self {
+        Self {
+            kept_out: vec![false; self.kept_out.len()],
+            ..self.clone()
+        }
     }
 
     /// Metres to the centre of the nearest occupied cell, from the centre of the point's cell. Infinite outside of the map and

@@ -1,9 +1,8 @@
 //! Cells from images and from plans drawn as text.
 
-use std::ops::Range;
-
 use super::header::{Header, Mode, Source};
 use super::image::Image;
+use super::place::Place;
 use super::{CELLS_MAX, State};
 use crate::frames::MapPose;
 use crate::refusal::Refusal;
@@ -23,7 +22,7 @@ impl Header {
             source: Source::Plan {
                 text: String::new(),
                 cells: 1,
-                span: 0..0,
+                place: Place::default(),
             },
             mode: Mode::Trinary,
             resolution_m,
@@ -68,8 +67,8 @@ pub(super) fn of_image(header: &Header, image: &Image) -> Grid {
     }
 }
 
-/// The cells of a plan, `cells` × `cells` for a character. Errors lie within `span`, where the plan stands.
-pub(super) fn of_text(plan: &str, cells: usize, span: &Range<usize>) -> Result<Grid, Refusal> {
+/// The cells of a plan, `cells` × `cells` for a character. Errors lie at the plan's place.
+pub(super) fn of_text(plan: &str, cells: usize, place: &Place) -> Result<Grid, Refusal> {
     let lines: Vec<&str> = plan.lines().map(str::trim_end).collect();
     let is_drawn = |line: &&str| !line.is_empty();
     let first = lines.iter().position(&is_drawn).unwrap_or(0);
@@ -90,7 +89,7 @@ pub(super) fn of_text(plan: &str, cells: usize, span: &Range<usize>) -> Result<G
     if count.is_none() {
         let message = format!("the plan has {columns} × {rows} cells");
         return Err(Refusal::new(
-            span.clone(),
+            place.whole(),
             message,
             format!("1 to {CELLS_MAX} cells"),
         ));
@@ -103,14 +102,15 @@ pub(super) fn of_text(plan: &str, cells: usize, span: &Range<usize>) -> Result<G
     };
     for (number, line) in lines.iter().enumerate().rev() {
         let mut row = Vec::with_capacity(columns);
-        for (column, drawn) in line.chars().enumerate() {
+        for (column, (byte, drawn)) in line.char_indices().enumerate() {
             let Some(cell) = of_character(drawn) else {
+                let span = place.of(first + number, byte..byte + drawn.len_utf8());
                 let (line, column) = (first + number + 1, column + 1);
                 let message =
                     format!("line {line}, column {column} of the plan: {drawn:?} is no cell");
                 let accepted =
                     "`#` occupied, `.` free, `x` not to be entered, a space or `?` unknown";
-                return Err(Refusal::new(span.clone(), message, accepted));
+                return Err(Refusal::new(span, message, accepted));
             };
             row.extend(std::iter::repeat_n(cell, cells));
         }
@@ -124,7 +124,7 @@ pub(super) fn of_text(plan: &str, cells: usize, span: &Range<usize>) -> Result<G
     Ok(grid)
 }
 
-fn of_character(drawn: char) -> Option<(State, bool)> {
+pub(super) fn of_character(drawn: char) -> Option<(State, bool)> {
     match drawn {
         '#' => Some((State::Occupied, false)),
         '.' => Some((State::Free, false)),
