@@ -89,7 +89,8 @@ impl PlannedFlight<'_> {
             let connected = in_slots.entry(phase.changes).or_insert_with(|| {
                 let layout = self.flight.layout_after(phase.changes);
                 let ids = (0..layout.formation().drones()).map(NodeId);
-                self.reached(ids.map(|id| layout.slot(id, self.flight.waypoints[phase.waypoint])))
+                let slots = ids.map(|id| layout.slot(id, self.flight.waypoints[phase.waypoint]));
+                self.reached(slots.map(Some))
             });
             let longest_s = self.longest_s(&phase, &mut out_s);
             let tolerated = tolerated(phase.kind);
@@ -113,7 +114,11 @@ impl PlannedFlight<'_> {
         let mut at_s = 0.0;
         while at_s < phase_s {
             at_s = phase_s.min(at_s + step_s);
-            let reached = self.reached(phase.paths.iter().map(|it| self.place(it, at_s)));
+            let places = phase.paths.iter().map(|paths| {
+                let relays = !is_landed(phase.kind, paths);
+                relays.then(|| self.place(paths, at_s))
+            });
+            let reached = self.reached(places);
             let each = out_s.iter_mut().zip(&mut longest_s);
             for ((out_s, longest_s), (paths, is_reached)) in
                 each.zip(phase.paths.iter().zip(reached))
@@ -165,24 +170,31 @@ impl PlannedFlight<'_> {
         paths[paths.len() - 1].to
     }
 
-    /// Whether links connect each drone with the master, over other drones and relays.
-    fn reached(&self, places: impl Iterator<Item = Ned>) -> Vec<bool> {
-        let places: Vec<Ned> = places.chain(self.relays.iter().copied()).collect();
+    /// Whether links connect each drone with the master, over other drones and relays. A drone without a place relays nothing.
+    fn reached(&self, places: impl Iterator<Item = Option<Ned>>) -> Vec<bool> {
+        let relays = self.relays.iter().copied().map(Some);
+        let places: Vec<Option<Ned>> = places.chain(relays).collect();
         let master = self.flight.layout.formation().centre().0 as usize;
         let mut southmost_first: Vec<(f64, usize)> = Vec::with_capacity(places.len());
-        southmost_first.extend((places.iter().map(|it| it.north_m())).zip(0..));
+        let placed = places.iter().zip(0..);
+        southmost_first.extend(placed.filter_map(|(it, at)| Some((it.as_ref()?.north_m(), at))));
         southmost_first.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
         let mut reached = vec![false; places.len()];
         reached[master] = true;
         let mut next = vec![master];
         while let Some(from) = next.pop() {
-            let (place, north_m) = (places[from], places[from].north_m());
+            let Some(place) = places[from] else {
+                continue;
+            };
+            let north_m = place.north_m();
             let first = southmost_first.partition_point(|(it, _)| *it < north_m - self.range_m);
             let near = southmost_first[first..].iter();
             let near = near.take_while(|(it, _)| *it <= north_m + self.range_m);
             for (_, other) in near {
-                let is_new = !reached[*other]
-                    && (places[*other] - place).0.norm_squared() <= self.range_m * self.range_m;
+                let is_near = places[*other].is_some_and(|other| {
+                    (other - place).0.norm_squared() <= self.range_m * self.range_m
+                });
+                let is_new = is_near && !reached[*other];
                 if is_new {
                     reached[*other] = true;
                     next.push(*other);
@@ -192,6 +204,11 @@ impl PlannedFlight<'_> {
         reached.truncate(self.flight.layout.formation().drones() as usize);
         reached
     }
+}
+
+/// Whether a drone has been on the ground since an earlier wave landed: it relays no longer.
+fn is_landed(kind: PhaseKind, paths: &Paths) -> bool {
+    matches!(kind, PhaseKind::Land { .. }) && paths[0].from.altitude_m() <= 0.0
 }
 
 #[cfg(test)]

@@ -38,10 +38,8 @@ fn deadline_in_the_past_breaks_rule_10_on_both_engines() {
 
 #[test]
 fn unchecked_run_stops_at_the_limit_of_steps_per_instant() {
-    let unchecked = Scenario {
-        unchecked: true,
-        ..with_killed_master(&[])
-    };
+    let mut unchecked = with_killed_master(&[]);
+    unchecked.unchecked = true;
     let report = run_with_flaw(&unchecked);
     assert_breaks_rule_10(&report, "steps at one instant");
     assert!(!report.are_missions_completed());

@@ -387,6 +387,17 @@ fn drone_without_route_waits_one_heartbeat_if_neighbours_have_routes() {
 }
 
 #[test]
+fn drone_that_dropped_its_parent_waits_one_heartbeat_if_others_have_routes() {
+    let mut child = Child::new(1);
+    child.receive_parent(250, |_| false);
+    for other in [3, 4] {
+        child.near.receive(other, with_route(1, 500, 7));
+    }
+    let (_, took) = child.drop_parent_and_report_master_silent();
+    assert_eq!(took, config().route_timeout + config().heartbeat_period);
+}
+
+#[test]
 fn only_neighbour_with_a_route_is_asked_all_the_time() {
     let mut child = Child::new(1);
     child.near.receive(3, with_route(1, 500, 7));
