@@ -130,8 +130,8 @@ impl ParentProbe {
     /// When a drone without a route since `since` reports the master as silent: after the route timeout. It waits
     /// longer
     ///
-    /// - for the next heartbeat, if symmetric neighbours have routes that are not feasible. If the master is dead, they lose
-    ///   theirs, too;
+    /// - for the next heartbeat, if symmetric neighbours have routes that are not feasible, and not over the dropped parent.
+    ///   If the master is dead, they lose theirs, too;
     /// - for as long as its only neighbour may take to probe its own parent, if that has a route;
     /// - for as long as probing takes, if it hears no drone: it would lead none, and others may return.
     fn master_silent_at(&self, since: Timestamp, links: &LinkTable, config: &Config) -> Timestamp {
@@ -142,7 +142,11 @@ impl ParentProbe {
         let heartbeats = if links.len() == 1 && others.next().is_some() {
             STALE_HEARTBEATS_MAX
         } else {
-            u16::from(others.any(|link| link.hearing().is_symmetric()))
+            let is_over_dropped = |link: &Neighbour| {
+                self.dropped_parent
+                    .is_some_and(|dropped| link.report.parent == Some(dropped))
+            };
+            u16::from(others.any(|link| link.hearing().is_symmetric() && !is_over_dropped(link)))
         };
         since + config.route_timeout + config.heartbeat_period * heartbeats.into()
     }
