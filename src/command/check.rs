@@ -3,7 +3,7 @@ use std::path::{Path, PathBuf};
 use clap::Args;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::mission_file;
-use muster_runtime::text::plural;
+use muster_runtime::text::{figure, plural};
 use muster_scenarios::scenario::{self, Override};
 
 use super::overrides::check_distinct;
@@ -98,11 +98,16 @@ fn check_mission(file: &Path) -> Result<Checked, BadInput> {
         .map(|leg| leg[0].horizontal_distance_m(leg[1]))
         .fold(0.0, |length_m, leg_m| length_m + leg_m);
     let altitudes = waypoints.iter().map(|waypoint| waypoint.altitude_m());
+    let lowest = figure(altitudes.clone().fold(f64::INFINITY, f64::min), 0);
+    let highest = figure(altitudes.fold(0.0, f64::max), 0);
+    let altitudes = if lowest == highest {
+        lowest
+    } else {
+        format!("{lowest} to {highest}")
+    };
     let verdict = format!(
-        "OK: mission with {}, length {length_m:.0} m, altitude {:.0} to {:.0} m",
+        "OK: mission with {}, length {length_m:.0} m, altitude {altitudes} m",
         plural(waypoints.len(), "waypoint"),
-        altitudes.clone().fold(f64::INFINITY, f64::min),
-        altitudes.fold(0.0, f64::max),
     );
     let holds = scenario::describe_holds(mission.holds());
     let lines = holds
