@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
+use muster_runtime::text::plural;
 use muster_scenarios::campaign::{
     self, Campaign, JOBS_MAX, Published, RUN_LIMIT, Request, RunOptions, Seeds, Shard,
 };
@@ -159,11 +160,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     print(&published)?;
     let took_s = started.elapsed().as_secs_f64();
     let kept = kept.unwrap_or(campaign.shard_runs());
-    let kept = match kept {
-        0 => String::new(),
-        kept => format!("; {kept} were complete before"),
-    };
-    terminal::print(&format!(" flew {flown} runs in {took_s:.1} s{kept}\n"))?;
+    let flown = plural(usize::try_from(flown).unwrap_or(usize::MAX), "run");
+    let resumed = folder::resumed(("campaign", "run"), &out, kept);
+    let resumed = resumed.map_or_else(String::new, |it| format!("; {it}"));
+    terminal::print(&format!(" flew {flown} in {took_s:.1} s{resumed}\n"))?;
     Ok(outcome(&published))
 }
 

@@ -77,7 +77,11 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let bar = terminal::progress_bar(
         "{pos:>8}/{len} plans {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left{msg}",
     );
+    let mut before = 0;
     let searched = chaos::run(&search, &out, options, &|fly| fly(), |progress| {
+        if let Progress::Searching { kept, .. } = progress {
+            before = kept;
+        }
         show(&bar, progress);
     })?;
     bar.finish_and_clear();
@@ -87,8 +91,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         text.push('\n');
         text.push_str(&chaos::explanation(&searched, colour));
     }
+    let resumed = folder::resumed(("search", "plan"), &out, before);
+    let resumed = resumed.map_or_else(String::new, |it| format!(" {it}\n"));
     text.push_str(&format!(
-        "\n wrote {}\n",
+        "\n{resumed} wrote {}\n",
         out.join(chaos::CHAOS_JSON).display()
     ));
     if let Some(finding) = &searched.finding {

@@ -11,6 +11,19 @@ pub(crate) fn default_for(file: &Path, suffix: impl Display) -> PathBuf {
     Path::new("runs").join(format!("{}-{suffix}", stem.to_string_lossy()))
 }
 
+/// What was resumed in a folder, and how many of its parts were complete; `None` if nothing was.
+pub(crate) fn resumed((whole, part): (&str, &str), folder: &Path, complete: u64) -> Option<String> {
+    let parts = match complete {
+        0 => return None,
+        1 => format!("1 {part} was"),
+        complete => format!("{complete} {part}s were"),
+    };
+    Some(format!(
+        "resumed the {whole} in {}: {parts} complete before",
+        folder.display()
+    ))
+}
+
 /// Refuses a folder that can't be written to, before a run starts. The longest existing part of the path must be a
 /// writable folder.
 pub(crate) fn check_writable(out: &Path) -> Result<(), BadInput> {

@@ -189,7 +189,8 @@ fn killed_campaign_resumes_to_the_same_bytes() {
     let again = campaign(home.path(), "killed", &[]);
     let printed = String::from_utf8_lossy(&again.stdout);
     assert!(printed.contains("flew 0 runs"), "{printed}");
-    assert!(printed.contains("14 were complete before"), "{printed}");
+    let resumed = "resumed the campaign in killed: 14 runs were complete before";
+    assert!(printed.contains(resumed), "{printed}");
     assert_same(&files(&home.path().join("killed")), &whole);
 }
 
@@ -426,6 +427,6 @@ fn default_folder_is_not_that_of_another_campaign() {
     for (more, folder) in [(&[][..], "campaign/"), (&other[..], "campaign-2/")] {
         let printed = printed(more);
         assert!(printed.contains(&format!("thesis-1-{folder}runs.csv")));
-        assert!(printed.contains("1 were complete before"), "{printed}");
+        assert!(printed.contains("1 run was complete before"), "{printed}");
     }
 }

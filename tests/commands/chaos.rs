@@ -46,6 +46,8 @@ fn search_without_a_finding_shows_its_coverage_and_resumes() {
     let (code, output) = chaos(folder.path(), &["--seeds", "0..10", "--out", "out"]);
     assert_eq!(code, Some(0), "{output}");
     assert!(output.starts_with("OK: 10 plans, "), "{output}");
+    let resumed = "resumed the search in out: 6 plans were complete before";
+    assert!(output.contains(resumed), "{output}");
     let (code, output) = chaos(folder.path(), &["--seeds", "5..10", "--out", "out"]);
     assert_eq!(
         code,
@@ -118,6 +120,42 @@ fn another_search_gets_a_folder_of_its_own() {
             "{output}"
         );
     }
+}
+
+#[test]
+fn searches_and_campaigns_do_not_share_a_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let thesis = ["thesis-1", "--seeds", "0..1", "--out"];
+    let campaign = |out| {
+        let run = muster(
+            folder.path(),
+            &[&["campaign"], &thesis[..], &[out]].concat(),
+        );
+        let output = [run.stdout, run.stderr].concat();
+        (run.status.code(), String::from_utf8(output).unwrap())
+    };
+    let names = |out| {
+        let entries = fs::read_dir(folder.path().join(out)).unwrap();
+        let mut names: Vec<_> = entries.map(|it| it.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    let search = |out| chaos(folder.path(), &["--seeds", "0..1", "--out", out]);
+    assert_eq!(campaign("campaign").0, Some(0));
+    assert_eq!(search("search").0, Some(0));
+    let before = [names("campaign"), names("search")];
+    for ((code, output), says) in [
+        (search("campaign"), "holds a campaign of `muster campaign`"),
+        (campaign("search"), "holds a search of `muster chaos`"),
+    ] {
+        assert_eq!(code, Some(2), "{output}");
+        assert!(output.contains(says), "{output}");
+        assert!(
+            output.contains("name another folder with --out"),
+            "{output}"
+        );
+    }
+    assert_eq!([names("campaign"), names("search")], before);
 }
 
 #[test]

@@ -13,10 +13,11 @@ use super::plan::{Campaign, PROGRAM};
 use super::publish::{PUBLISHED, RUNS_JSONL};
 use super::row::Row;
 use super::rows::Rows;
+use crate::chaos::CHAOS_JSON;
 use crate::report::{CompleteFile, DraftFile, Engine, WriteError, create_folder};
 
 /// File that identifies the campaign of a folder.
-const CAMPAIGN_JSON: &str = "campaign.json";
+pub(crate) const CAMPAIGN_JSON: &str = "campaign.json";
 /// Journal: rows of a campaign that is not complete.
 const JOURNAL: &str = "runs.journal";
 
@@ -89,6 +90,12 @@ impl Campaign {
         let path = dir.join(CAMPAIGN_JSON);
         let help = "name another folder, or delete this one";
         if !path.exists() {
+            if dir.join(CHAOS_JSON).exists() {
+                let message =
+                    format!("holds a search of `muster chaos` ({CHAOS_JSON}), no campaign");
+                let help = "name another folder with --out";
+                return Err(BadInput::without_excerpt(dir, message, help));
+            }
             let has_content =
                 |name: &&str| fs::metadata(dir.join(name)).is_ok_and(|it| it.len() > 0);
             let stray = PUBLISHED

@@ -18,6 +18,7 @@ mod statistics;
 mod summary;
 mod table;
 
+pub(crate) use folder::CAMPAIGN_JSON;
 pub use merge::merge;
 pub(crate) use plan::PROGRAM;
 pub use plan::{COMBINATIONS_MAX, Campaign, RUNS_MAX, Request};

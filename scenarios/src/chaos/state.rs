@@ -3,11 +3,12 @@
 use std::path::Path;
 
 use muster_runtime::diagnostic::{BadInput, read_text};
+use muster_runtime::text::plural;
 use serde::{Deserialize, Serialize};
 
 use super::coverage::Coverage;
 use super::search::Search;
-use crate::campaign::CampaignError;
+use crate::campaign::{CAMPAIGN_JSON, CampaignError};
 use crate::report::{CompleteFile, create_folder, json};
 
 /// File with the progress of a search.
@@ -91,16 +92,23 @@ impl Search {
 /// Loads the progress of a search from the folder `dir`, which is created if needed.
 ///
 /// # Errors
-/// If the folder belongs to another search (it stays unchanged) or can't be created.
+/// If the folder belongs to another search or to a campaign (it stays unchanged) or can't be created.
 pub(super) fn load(search: &Search, dir: &Path) -> Result<Tally, CampaignError> {
+    let tally = read(search, dir)?;
     create_folder(dir)?;
-    read(search, dir)
+    Ok(tally)
 }
 
 /// As [`load`], without creating the folder.
 fn read(search: &Search, dir: &Path) -> Result<Tally, CampaignError> {
     let path = dir.join(CHAOS_JSON);
     if !path.exists() {
+        if dir.join(CAMPAIGN_JSON).exists() {
+            let message =
+                format!("holds a campaign of `muster campaign` ({CAMPAIGN_JSON}), no search");
+            let help = "name another folder with --out";
+            return Err(BadInput::without_excerpt(dir, message, help).into());
+        }
         return Ok(Tally::default());
     }
     let help = "name another folder with --out, or delete this one to start again";
@@ -121,7 +129,8 @@ fn read(search: &Search, dir: &Path) -> Result<Tally, CampaignError> {
         return refuse(format!("first seed: {}, not {}", state.first, own.first));
     }
     if state.tally.plans > search.seeds().number() {
-        return refuse(format!("it has {} plans already", state.tally.plans));
+        let plans = usize::try_from(state.tally.plans).unwrap_or(usize::MAX);
+        return refuse(format!("it has {} already", plural(plans, "plan")));
     }
     Ok(state.tally)
 }
