@@ -34,7 +34,7 @@ seen = messages("killed.mcap")
 for name in ["foxglove.SceneUpdate", "foxglove.Log", "foxglove.LocationFix", "muster.Drone", "muster.Swarm"]:
     assert seen.get(name), f"{name} is missing"
 deaths = [value["message"] for _, value in seen["foxglove.Log"] if value["name"] == "death"]
-assert deaths == ["drone 3, a master, is dead: its computer failed, its flight controller lands it"], deaths
+assert deaths == ["drone 3, a leader, is dead: its computer failed, its flight controller lands it"], deaths
 print("mcap:", ", ".join(f"{len(values)} {name}" for name, values in sorted(seen.items())))
 finds = [value["value"] for _, value in messages("lanes.mcap")["muster.Value"] if value["name"] == "finds"]
 assert max(finds) == 3, finds

@@ -19,7 +19,7 @@ pub fn table(searched: &SearchResult, colour: Colour) -> String {
     match &searched.finding {
         Some(finding) => found(finding, colour),
         None if searched.broken.is_empty() => {
-            let ok = format!("OK: {plans} plans, no rule broken");
+            let ok = format!("OK: {}, no rule broken", number(plans, "plan"));
             format!(
                 "{}; mission completed in {completed}\n",
                 painted(&ok, GREEN, colour)
@@ -46,16 +46,20 @@ pub fn explanation(searched: &SearchResult, colour: Colour) -> String {
     let hours = figure(simulated_s / 3_600.0, 1);
     let per_second = |number: f64| figure(number / core_s.max(f64::EPSILON), 0);
     format!(
-        "{}\n plans  {} without a violation; mission completed in {completed}\n values {} combinations; {redrawn} redraws \
-         of incompatible values\n time   {hours} simulated hours in {} core-seconds: {} plans and {} drone-seconds per \
+        "{}\n plans  {} without a violation; mission completed in {completed}\n values {}; {} of incompatible values\n time   {hours} simulated hours in {} core-seconds: {} plans and {} drone-seconds per \
          core-second\n",
         coverage(searched, colour),
         plans - searched.broken.len() as u64,
-        figure(count(combinations), 0),
+        number(combinations, "combination"),
+        number(redrawn, "redraw"),
         figure(core_s, 0),
         figure(count(plans) / core_s.max(f64::EPSILON), 1),
         per_second(drone_s),
     )
+}
+
+fn number(number: u64, thing: &str) -> String {
+    plural(usize::try_from(number).unwrap_or(usize::MAX), thing)
 }
 
 /// Maximum number of listed plans; the folder has all.
@@ -63,8 +67,9 @@ const LISTED_MAX: usize = 20;
 
 fn listed(searched: &SearchResult, colour: Colour) -> String {
     let broken = &searched.broken;
-    let verdict = format!("BROKEN: a rule, by {} of {}", broken.len(), searched.plans);
-    let mut text = format!("{}\n", painted(&format!("{verdict} plans"), RED, colour));
+    let plans = number(searched.plans, "plan");
+    let verdict = format!("BROKEN: a rule, by {} of {plans}", broken.len());
+    let mut text = format!("{}\n", painted(&verdict, RED, colour));
     for BrokenPlan { seed, rule, what } in broken.iter().take(LISTED_MAX) {
         text.push_str(&format!("  seed {seed}: rule {rule}, {what}\n"));
     }

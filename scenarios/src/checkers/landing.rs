@@ -12,10 +12,10 @@ pub(crate) fn check(now: Timestamp, armed: Vec<NodeId>) -> Option<Violation> {
     (!armed.is_empty()).then(|| Violation {
         rule: 5,
         at: now,
-        what: format!(
-            "{} drones are still armed at the end of the run",
-            armed.len()
-        ),
+        what: match armed.len() {
+            1 => "1 drone is still armed at the end of the run".to_owned(),
+            armed => format!("{armed} drones are still armed at the end of the run"),
+        },
         drones: armed,
     })
 }

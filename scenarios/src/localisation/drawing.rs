@@ -8,6 +8,8 @@ use muster_indoor::map::{Cell, Map, State};
 
 /// Most blocks of cells along a side of a drawing.
 const BLOCKS_MAX: usize = 800;
+/// Longest bar of a scale, as a share of the map's width.
+const SCALE_MAX: f64 = 0.3;
 /// Margin about what is free, blocks.
 const MARGIN: usize = 8;
 
@@ -64,6 +66,23 @@ impl<'a> Drawing<'a> {
             svg.floor role="img" aria-label=(name) viewBox={ (left) " " (top) " " (width) " " (height) } {
                 use href="#map" {}
                 (content)
+            }
+            (self.scale_bar())
+        }
+    }
+
+    /// A bar of a round length below the map. It is no part of the picture, so that its text keeps its size.
+    fn scale_bar(&self) -> Markup {
+        let width_m = self.view[2] as f64 * self.map.resolution_m() * self.block as f64;
+        let longest_m = width_m * SCALE_MAX;
+        let power = 10_f64.powf(longest_m.log10().floor());
+        let fits = |factor: &f64| factor * power <= longest_m;
+        let length_m = [5.0, 2.0].into_iter().find(fits).unwrap_or(1.0) * power;
+        let percent = 100.0 * length_m / width_m;
+        html! {
+            p.scale {
+                span style={ "width: " (format!("{percent:.2}")) "%" } {}
+                (length_m) " m"
             }
         }
     }
@@ -151,5 +170,26 @@ impl<'a> Drawing<'a> {
             right.saturating_sub(left).max(1),
             bottom.saturating_sub(top).max(1),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn map_has_a_bar_of_a_round_length() {
+        let room = |metres: usize| format!("{}\n", ".".repeat(metres)).repeat(4);
+        for (metres, length, percent) in [
+            (4, "1 m", "25.00"),
+            (20, "5 m", "25.00"),
+            (250, "50 m", "20.00"),
+        ] {
+            let map = Map::from_text(&room(metres), 1.0).unwrap();
+            let picture = Drawing::new(&map).with("map", &html! {}).into_string();
+            let (_, bar) = picture.split_once("class=\"scale\"").unwrap();
+            assert!(bar.contains(&format!("width: {percent}%")), "{bar}");
+            assert!(bar.contains(length), "{bar}");
+        }
     }
 }

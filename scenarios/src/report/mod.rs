@@ -247,6 +247,17 @@ pub struct DroneReport {
     pub port: Option<PortReport>,
 }
 
+impl DroneReport {
+    /// The mission state at the end for people: a drone that landed early did not finish.
+    pub(crate) fn final_state(&self) -> &str {
+        if self.landed_because.is_some() && self.state == State::Finished.to_string() {
+            "landed early"
+        } else {
+            &self.state
+        }
+    }
+}
+
 /// What the port of a drone's flight controller has counted.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct PortReport {

@@ -136,7 +136,7 @@ fn row(drone: &DroneReport) -> Row {
         sent,
         received,
         figure_or_dash(drone.waypoint_delay_s, 2),
-        drone.state.clone(),
+        drone.final_state().to_owned(),
     ];
     let unfinished = drone.flight_time_s.is_none();
     let mut row = Row::new();
@@ -296,7 +296,10 @@ fn relays(report: &Report) -> String {
             _ => "no route to the master".to_owned(),
         };
         let [sent, _] = relay.messages();
-        format!("{}: {route}, {sent} frames sent", relay.id)
+        {
+            let frames = if sent == "1" { "frame" } else { "frames" };
+            format!("{}: {route}, {sent} {frames} sent", relay.id)
+        }
     });
     relays.collect::<Vec<_>>().join("; ")
 }
@@ -348,12 +351,18 @@ fn describe_elections(elections: &[Election]) -> [(&'static str, String); 3] {
     [
         (
             "elections",
-            format!("{} periods without an agreed master", elections.len()),
+            format!(
+                "{} without an agreed master",
+                plural(elections.len(), "period")
+            ),
         ),
         ("new leader", distribution(|it| it.led_after_s)),
         ("all agreed", distribution(|it| it.settled_after_s)),
     ]
 }
+
+/// The shortest election of which the duration is shown, in seconds: the least that two decimals show.
+const SHOWN_FROM_S: f64 = 0.01;
 
 /// Time and result of one election.
 fn describe_election(election: &Election) -> String {
@@ -362,14 +371,15 @@ fn describe_election(election: &Election) -> String {
         return format!("{start} until the end");
     };
     let masters: Vec<_> = election.masters.iter().map(u32::to_string).collect();
-    match &masters[..] {
-        [] => format!("{start}; {after_s:.2} s later: no drone left that needs one"),
-        [master] => format!("{start}; {after_s:.2} s later: master {master}"),
-        masters => format!(
-            "{start}; {after_s:.2} s later: masters {}, one per segment",
-            masters.join(" and ")
-        ),
+    let then = match &masters[..] {
+        [] => "no drone left that needs one".to_owned(),
+        [master] => format!("master {master}"),
+        masters => format!("masters {}, one per segment", masters.join(" and ")),
+    };
+    if after_s < SHOWN_FROM_S {
+        return format!("{start} for less than {SHOWN_FROM_S} s; then {then}");
     }
+    format!("{start}; {after_s:.2} s later: {then}")
 }
 
 /// The drones out of the master's range and their bridges; `None` if there are none.

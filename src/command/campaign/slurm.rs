@@ -4,6 +4,7 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
+use muster_runtime::text::plural;
 use muster_scenarios::campaign::Campaign;
 
 use super::super::{Failure, Outcome, folder, terminal};
@@ -35,10 +36,12 @@ pub(super) fn run(
     if let Err(source) = written {
         return Err(Failure::Create { path, source });
     }
+    let number = |number: u64| usize::try_from(number).unwrap_or(usize::MAX);
     terminal::print(&format!(
-        " wrote {}: {shards} shards of {} runs; run it where sbatch is, with options for sbatch if it needs some\n",
+        " wrote {}: {} of {}; run it where sbatch is, with options for sbatch if it needs some\n",
         path.display(),
-        campaign.shard_runs()
+        plural(number(shards), "shard"),
+        plural(number(campaign.shard_runs()), "run"),
     ))?;
     Ok(Outcome::Success)
 }

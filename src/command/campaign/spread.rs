@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use muster_deploy::campaign::{SpreadError, SpreadRequest, spread};
 use muster_deploy::hosts;
 use muster_runtime::plan::file::Source;
+use muster_runtime::text::plural;
 use muster_scenarios::campaign::{self, Campaign};
 use muster_scenarios::scenario::{is_shipped, mission_file, mission_path};
 
@@ -53,8 +54,9 @@ pub(super) fn run(
     let whole = out.join("whole");
     let published = campaign::merge(&parts, &whole)?;
     print(&published)?;
-    let runs = campaign.shard_runs();
-    terminal::print(&format!(" {runs} runs on {} hosts\n", hosts.len()))?;
+    let runs = usize::try_from(campaign.shard_runs()).unwrap_or(usize::MAX);
+    let (runs, hosts) = (plural(runs, "run"), plural(hosts.len(), "host"));
+    terminal::print(&format!(" {runs} on {hosts}\n"))?;
     Ok(outcome(&published))
 }
 

@@ -82,7 +82,7 @@ fn happenings(recorder: &Recorder, history: &History) -> Vec<Mark> {
 fn incident(id: u32, leads: bool, what: Incident) -> Option<(MarkKind, String)> {
     let name = format!("drone {id}");
     let subject = if leads {
-        format!("{name}, a master,")
+        format!("{name}, a leader,")
     } else {
         name.clone()
     };

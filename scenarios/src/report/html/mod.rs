@@ -158,7 +158,7 @@ fn sections(report: &Report, flight: &Flight) -> Markup {
             h2 { "Tracks" }
             p.about {
                 "Seen from above. Marks show the drones when the master first reached a waypoint. "
-                "The circle is the master's radio range from there."
+                "The circle is the radio range of the drone that was master then."
             }
             (map::map(report, flight))
         }

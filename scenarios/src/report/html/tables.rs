@@ -204,8 +204,10 @@ fn row(drone: &DroneReport) -> Markup {
             td.n { (figure_or_dash(drone.waypoint_delay_s, 2)) }
             td.n { (drone.restarts) }
             td.state {
-                (drone.state)
-                @if let Some(why) = &drone.landed_because { span.why { "landed early: " (why) } }
+                (drone.final_state())
+                @if let Some(why) = &drone.landed_because {
+                    span.why { @if drone.final_state() == drone.state { "landed early: " } (why) }
+                }
             }
         }
     }

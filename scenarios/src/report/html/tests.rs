@@ -6,7 +6,7 @@ use super::page;
 use muster_machines::time::Timestamp;
 
 use crate::report::control::tests::flown;
-use crate::report::{Flight, Mark, MarkKind, Report, sample};
+use crate::report::{Epoch, Flight, Mark, MarkKind, NodeHistory, Report, sample};
 
 fn parsed((report, flight): &(Report, Flight)) -> Html {
     let html = Html::parse_document(&page(report, flight));
@@ -135,6 +135,46 @@ fn radio_range_far_beyond_the_tracks_does_not_shrink_the_map() {
     assert!(legend(&flight).contains("30,000 m radio range, beyond the map"));
     let html = parsed(&(report, flight));
     assert!(!text(&html, ".main .tick").contains("10,000"));
+}
+
+#[test]
+fn range_is_drawn_around_the_master_of_the_marks() {
+    let (report, mut flight) = sample::swarm(5);
+    let about = |flight: &Flight| text(&parsed(&(report.clone(), flight.clone())), ".range title");
+    assert!(about(&flight).contains("drone 2, the master then"));
+    let epoch = |master, term| Epoch {
+        term,
+        rank: 0,
+        master,
+        since: Timestamp::ZERO,
+    };
+    flight.history.epochs = vec![epoch(4, 1), epoch(2, 2)];
+    let later = Timestamp::from_secs_f64(report.simulated_s);
+    flight.history.nodes = (0..5)
+        .map(|id| NodeHistory {
+            id,
+            epochs: vec![(Timestamp::ZERO, 0), (later, 1)],
+            ..NodeHistory::default()
+        })
+        .collect();
+    assert!(about(&flight).contains("drone 4, the master then"));
+}
+
+#[test]
+fn plot_of_the_closest_pair_names_its_logarithmic_scale() {
+    let html = parsed(&sample::swarm(3));
+    assert!(text(&html, ".replay-plots h3").contains("Closest pair, logarithmic scale"));
+}
+
+#[test]
+fn drone_that_landed_early_is_not_called_finished() {
+    let html = parsed(&sample::faulty());
+    let states = text(&html, "td.state");
+    assert!(
+        states.starts_with("landed earlythe master was silent"),
+        "{states}"
+    );
+    assert!(text(&html, ".main g.drone > title").contains("s, landed early"));
 }
 
 #[test]

@@ -98,7 +98,7 @@ fn mcap_is_read_back_with_all_topics_and_valid_messages() {
         .collect();
     assert!(
         log.iter()
-            .any(|it| it.starts_with("drone 3, a master, is dead")),
+            .any(|it| it.starts_with("drone 3, a leader, is dead")),
         "{log:?}"
     );
     assert!(
@@ -138,7 +138,7 @@ fn kml_has_a_track_of_each_drone_and_a_point_of_each_mark() {
         ),
         (points, points)
     );
-    assert!(text.contains("drone 3, a master, is dead"));
+    assert!(text.contains("drone 3, a leader, is dead"));
     // The mission's home: 41.765 N, 0.815 W, 245 m above sea level.
     assert!(text.contains("<altitudeMode>absolute</altitudeMode>"));
     assert!(text.contains("<gx:coord>-0.815 41.765 245</gx:coord>"));
@@ -178,7 +178,7 @@ fn animation_is_small_plays_the_death_and_loads_nothing() {
     let svg = animation::svg(&report, &flight);
     assert!(svg.len() < 300_000, "{}", svg.len());
     assert!(
-        svg.contains("a master, is dead")
+        svg.contains("a leader, is dead")
             && svg.contains("drone 2 leads")
             && svg.contains("slow motion")
     );

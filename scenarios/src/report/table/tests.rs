@@ -73,3 +73,29 @@ fn table_names_segments_that_never_met() {
     assert!(text.contains("not completed by one swarm"), "{text}");
     assert!(!report.are_missions_completed());
 }
+
+#[test]
+fn election_too_short_for_two_decimals_has_no_duration_of_zero() {
+    let election = |settled_after_s| Election {
+        at_s: 12.1,
+        led_after_s: settled_after_s,
+        settled_after_s,
+        masters: vec![3],
+    };
+    for (settled_after_s, says) in [
+        (
+            Some(0.002),
+            "at 12.1 s: no agreed master for less than 0.01 s; then master 3",
+        ),
+        (
+            Some(0.32),
+            "at 12.1 s: no agreed master; 0.32 s later: master 3",
+        ),
+        (None, "at 12.1 s: no agreed master until the end"),
+    ] {
+        assert_eq!(describe_election(&election(settled_after_s)), says);
+    }
+    let many = vec![election(Some(0.32))];
+    let [(_, number), ..] = describe_elections(&many);
+    assert_eq!(number, "1 period without an agreed master");
+}

@@ -17,6 +17,8 @@ pub(super) struct DroneDrawing<'a> {
     pub(super) flight: &'a FlightOfDrone,
     /// Position when the master first reached a waypoint.
     pub(super) formed: Option<Ned>,
+    /// Whether it led the swarm then.
+    pub(super) led: bool,
     /// Size of its mark, in pixels.
     pub(super) size_px: f64,
 }
@@ -61,14 +63,24 @@ impl<'a> DroneDrawing<'a> {
         let formed_at = masters
             .chain(pairs())
             .find_map(|(_, drone)| drone.first_waypoint_at());
+        let leader = formed_at.and_then(|at| {
+            flight
+                .history
+                .leader_at(at, |id| report.drones.iter().any(|it| it.id == id))
+        });
         let size_px = if report.drones.len() > MANY { 5.0 } else { 9.0 };
         let mut swarm: Vec<_> = pairs()
             .map(|(report, flight)| {
                 let formed = formed_at.and_then(|at| flight.position_at(at));
+                let led = match leader {
+                    Some(leader) => report.id == leader,
+                    None => report.kind() == Kind::Master,
+                };
                 Self {
                     report,
                     flight,
                     formed,
+                    led,
                     size_px,
                 }
             })
@@ -131,7 +143,8 @@ impl<'a> DroneDrawing<'a> {
         let flown = figure_or_dash(drone.flight_time_s, 1);
         format!(
             "drone {} ({kind}{route}): flight time {flown} s, {}",
-            drone.id, drone.state
+            drone.id,
+            drone.final_state()
         )
     }
 }

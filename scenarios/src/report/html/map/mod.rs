@@ -32,11 +32,9 @@ pub(super) fn map(report: &Report, flight: &Flight) -> Markup {
     let swarm: Vec<_> = swarms
         .flat_map(|(report, flight)| DroneDrawing::swarm(report, flight))
         .collect();
-    let master = swarm
-        .iter()
-        .find(|drone| drone.report.kind() == Kind::Master);
-    let master = master.and_then(|drone| drone.formed);
-    let Some(whole) = whole(&swarm, flight, master) else {
+    let master = swarm.iter().find(|drone| drone.led);
+    let master = master.and_then(|drone| Some((drone.report.id, drone.formed?)));
+    let Some(whole) = whole(&swarm, flight, master.map(|(_, place)| place)) else {
         return html! { p.none { "No positions were recorded." } };
     };
     let is_beyond = flight.range_m > whole.longest_m();
@@ -106,14 +104,15 @@ fn is_wide(whole: Extent) -> bool {
     east_m > 1.4 * north_m
 }
 
-fn range(frame: &Frame, master: Option<Ned>, range_m: f64) -> Markup {
-    let Some(centre) = master else {
+/// The circle around the drone that led when the marks were drawn.
+fn range(frame: &Frame, master: Option<(u32, Ned)>, range_m: f64) -> Markup {
+    let Some((id, centre)) = master else {
         return html! {};
     };
     let ((x, y), radius) = (frame.point_px(centre), frame.length_px(range_m));
     html! {
         g.range {
-            title { "radio range of the master: " (figure(range_m, 0)) " m" }
+            title { "radio range of drone " (id) ", the master then: " (figure(range_m, 0)) " m" }
             circle cx=(px(x)) cy=(px(y)) r=(px(radius)) {}
             @if radius > 50.0 {
                 text.halo x=(px(x)) y=(px(y + radius - 10.0)) text-anchor="middle" {

@@ -146,7 +146,7 @@ fn plots() -> Markup {
                 canvas.replay-plot.replay-altitudes role="img" aria-label="Altitude of each drone over time" {}
             }
             div {
-                h3 { "Closest pair" span.replay-now.replay-closest-now {} }
+                h3 { "Closest pair, logarithmic scale" span.replay-now.replay-closest-now {} }
                 canvas.replay-plot.replay-closest role="img"
                     aria-label="Distance of the closest two flying drones over time, and the least that is required over ground" {}
             }

@@ -51,9 +51,9 @@ class Panel {
     const lines = this.record.groups().map(({ epoch, members, leader }) => {
       const others = members.length - (leader ? 1 : 0);
       const count = `${others} drone${others === 1 ? "" : "s"}`;
-      if (leader) return { epoch, text: `drone ${leader.id} leads ${count}`, lead: true };
+      if (leader) return { epoch, text: `drone ${leader.id} leads ${others === 0 ? "no other drone" : count}`, lead: true };
       if (epoch < 0) return { epoch, text: `${count} without a leader yet`, lead: false };
-      return { epoch, text: `${count} still follow drone ${this.record.epochs[epoch].master}`, lead: false };
+      return { epoch, text: `${count} still ${others === 1 ? "follows" : "follow"} drone ${this.record.epochs[epoch].master}`, lead: false };
     });
     if (lines.length === 0) lines.push({ epoch: -1, text: "no drone flies any more", lead: false });
     const key = JSON.stringify(lines);

@@ -45,7 +45,8 @@ class TimePlot {
 /** Grid lines at round times, labelled below. */
 function paintTimes(plot) {
   const { context, theme, record, width, height } = plot;
-  const step = roundStep((record.end * 70) / width);
+  // A run without duration has no other time than its start.
+  const step = record.isMoment ? Infinity : roundStep((record.end * 70) / width);
   context.strokeStyle = theme.get("--grid");
   context.fillStyle = theme.get("--soft");
   context.lineWidth = 1;

@@ -69,6 +69,7 @@ const STOPPED = 2;
 
 class RunRecord {
   constructor(data) {
+    this.isMoment = data.end <= 0;
     this.end = Math.max(data.end / 1000, 0.001);
     this.range = data.range / 100;
     this.required = data.separation.map((it) => it / 100);

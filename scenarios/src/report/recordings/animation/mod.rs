@@ -7,6 +7,7 @@ mod time_line;
 
 use maud::{Markup, PreEscaped, html};
 use muster_machines::geometry::Ned;
+use muster_runtime::text::plural;
 
 use self::clock::Clock;
 use self::drawn::DrawnDrone;
@@ -29,7 +30,7 @@ pub(super) fn svg(report: &Report, flight: &Flight) -> String {
     let drones = DrawnDrone::all(report, flight);
     let map = Map::around(&drones, flight, &clock);
     let height = TOP_PX + map.height_px + BOTTOM_PX;
-    let name = format!("{}: {} drones", report.name(), drones.len());
+    let name = format!("{}: {}", report.name(), plural(drones.len(), "drone"));
     html! {
         svg xmlns="http://www.w3.org/2000/svg" viewBox={ "0 0 " (WIDTH_PX) " " (px(height)) }
             width=(WIDTH_PX) height=(px(height)) role="img" aria-label=(name)
