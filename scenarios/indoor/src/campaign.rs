@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::channel;
 
 use comfy_table::{CellAlignment, Table};
-use muster_runtime::text::{figure, plural};
+use muster_runtime::text::{figure, plural, rounded_down, rounded_up};
 use muster_scenarios::campaign::Seeds;
 use muster_scenarios::report::TABLE_STYLE;
 
@@ -16,8 +16,8 @@ use crate::world::{Failing, Outcome, Prepared, Setup};
 pub const SEEN_MIN: f64 = 0.99;
 /// A patrol may take so many times as long as the same one without noise.
 pub const TIMES_MAX: f64 = 1.5;
-/// Most failed patrols that a table lists.
-const LISTED_MAX: usize = 20;
+/// Most failed patrols that a table or a page lists.
+pub(crate) const LISTED_MAX: usize = 20;
 
 /// One patrol in short.
 #[derive(Debug, Clone, PartialEq)]
@@ -83,6 +83,44 @@ impl Row {
     #[must_use]
     pub const fn broke_rule(&self) -> bool {
         self.touches[0] > 0 || self.blind_motions > 0
+    }
+
+    /// What it broke or did not reach, in words; empty if all is well.
+    #[must_use]
+    pub fn reasons(&self) -> Vec<String> {
+        let times = |number: u64| match number {
+            1 => "once".to_owned(),
+            number => format!("{number} times"),
+        };
+        let mut reasons = Vec::new();
+        if self.touches[0] > 0 {
+            reasons.push(format!(
+                "touched something {}",
+                times(self.touches[0] as u64)
+            ));
+        }
+        if self.blind_motions > 0 {
+            reasons.push(format!(
+                "moved {} where no sonar looks",
+                times(self.blind_motions)
+            ));
+        }
+        if !self.is_done {
+            reasons.push("did not end".to_owned());
+        }
+        if self.has_landed {
+            reasons.push("landed early, as no sonar worked".to_owned());
+        }
+        if self.seen < SEEN_MIN {
+            reasons.push(format!("saw {} %", rounded_down(100.0 * self.seen, 2)));
+        }
+        if self.times > TIMES_MAX {
+            reasons.push(format!(
+                "took {} times as long as without noise",
+                rounded_up(self.times, 2)
+            ));
+        }
+        reasons
     }
 
     /// Whether it ended, saw enough, and took no longer than it may.
@@ -230,8 +268,8 @@ pub fn table(campaign: &Campaign) -> String {
         }
     }
     let mut text = format!(
-        " {} patrols; without noise and people: {} s\n{table}\n",
-        figure(campaign.rows.len() as f64, 0),
+        " {}; without noise and people: {} s\n{table}\n",
+        plural(campaign.rows.len(), "patrol"),
         figure(campaign.undisturbed_s, 1)
     );
     let failed: Vec<&Row> = failed(campaign).collect();
@@ -261,4 +299,71 @@ pub fn table(campaign: &Campaign) -> String {
 pub(crate) fn failed(campaign: &Campaign) -> impl Iterator<Item = &Row> {
     let rows = campaign.rows.iter();
     rows.filter(|row| row.broke_rule() || !row.is_complete())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(seed: u64) -> Row {
+        Row {
+            seed,
+            is_done: true,
+            time_s: 100.0,
+            times: 1.2,
+            times_alone: 1.3,
+            seen: 1.0,
+            clearance_m: 0.2,
+            touches: [0, 0],
+            has_landed: false,
+            given_up: 0,
+            error_p95_m: 0.05,
+            blind_motions: 0,
+        }
+    }
+
+    #[test]
+    fn failed_patrol_has_a_reason_and_no_other_has_one() {
+        let good = row(1);
+        assert!(good.reasons().is_empty() && good.is_complete());
+        let seen = Row {
+            seen: 0.98999,
+            ..row(2)
+        };
+        assert_eq!(seen.reasons(), ["saw 98.99 %"]);
+        let touches = [2, 1];
+        let touching = Row {
+            touches,
+            times: 1.501,
+            ..row(3)
+        };
+        let expected = [
+            "touched something 2 times",
+            "took 1.51 times as long as without noise",
+        ];
+        assert_eq!(touching.reasons(), expected);
+        let lost = Row {
+            is_done: false,
+            blind_motions: 1,
+            ..row(4)
+        };
+        assert_eq!(
+            lost.reasons(),
+            ["moved once where no sonar looks", "did not end"]
+        );
+        for row in [seen, touching, lost] {
+            assert!(row.broke_rule() || !row.is_complete());
+        }
+    }
+
+    #[test]
+    fn table_counts_one_patrol_as_one() {
+        let campaign = Campaign {
+            undisturbed_s: 80.0,
+            rows: vec![row(1)],
+        };
+        let text = table(&campaign);
+        assert!(text.starts_with(" 1 patrol; without noise"), "{text}");
+        assert!(text.contains(" 1 patrol complete without"), "{text}");
+    }
 }

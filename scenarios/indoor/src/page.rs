@@ -6,7 +6,7 @@ use maud::{Markup, html};
 use muster_indoor::coverage::{Places, Tour};
 use muster_indoor::frames::MapXy;
 use muster_indoor::map::Map;
-use muster_runtime::text::{figure, plural};
+use muster_runtime::text::{figure, plural, rounded_down};
 use muster_scenarios::report::document;
 
 use self::drawing::Drawing;
@@ -114,6 +114,7 @@ pub fn patrol(prepared: &Prepared, campaign: &Campaign, first: &Outcome, command
                 p.value { @if failed == 0 { "✓ none" } @else { "✕ " (figure(failed as f64, 0)) } }
             }
         }
+        @if failed > 0 { (failures(campaign)) }
         (track(prepared, campaign, first))
         section {
             h2 { "All patrols" }
@@ -127,6 +128,40 @@ pub fn patrol(prepared: &Prepared, campaign: &Campaign, first: &Outcome, command
         section { h2 { "Repeat it" } pre { code { (command) } } }
     };
     document(&format!("{}, patrols", prepared.flat.name), STYLE, &content)
+}
+
+/// The patrols that failed, with their seeds and reasons.
+fn failures(campaign: &Campaign) -> Markup {
+    let failed: Vec<_> = campaign::failed(campaign).collect();
+    html! {
+        section.bad {
+            h2 { "Patrols that failed" }
+            div.scroll { table {
+                thead { tr { th.n { "Seed" } th.n { "Seen, %" } th.n { "Time, s" } th { "Why" } } }
+                tbody { @for row in failed.iter().take(campaign::LISTED_MAX) {
+                    tr {
+                        td.n { (row.seed) }
+                        td.n.short[row.seen < campaign::SEEN_MIN] { (rounded_down(100.0 * row.seen, 2)) }
+                        td.n { (figure(row.time_s, 1)) }
+                        td { (row.reasons().join("; ")) }
+                    }
+                } }
+            } }
+            @if failed.len() > campaign::LISTED_MAX {
+                p.about { "… and " (failed.len() - campaign::LISTED_MAX) " more." }
+            }
+        }
+    }
+}
+
+/// The share that a patrol saw, marked if it is too little.
+fn seen(share: f64) -> Markup {
+    let percent = rounded_down(100.0 * share, 2);
+    html! {
+        @if share < campaign::SEEN_MIN {
+            b.short { (percent) " %, less than " (figure(100.0 * campaign::SEEN_MIN, 0)) " %," }
+        } @else { (percent) " %" }
+    }
 }
 
 fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
@@ -150,7 +185,7 @@ fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
         section {
             h2 { "Seed " (seed) }
             p.about {
-                "It took " (figure(first.time.as_secs_f64(), 1)) " s, saw " (figure(100.0 * first.seen(), 2)) " % of what can be seen, "
+                "It took " (figure(first.time.as_secs_f64(), 1)) " s, saw " (seen(first.seen())) " of what can be seen, "
                 "and kept " (figure(first.clearance.least_m(), 2)) " m from walls and people. "
                 (plural(touches.len(), "touch").replace("touchs", "touches")) "."
             }

@@ -1,13 +1,14 @@
 //! Whole patrols of the shipped flats. Thousands of seeds are for `muster map patrol`.
 
+use std::num::NonZeroUsize;
 use std::path::Path;
 use std::time::Duration;
 
 use muster_indoor::patrol::Fault;
-use muster_indoor_world::campaign::{SEEN_MIN, TIMES_MAX};
-use muster_indoor_world::engine;
+use muster_indoor_world::campaign::{self, SEEN_MIN, TIMES_MAX};
 use muster_indoor_world::flat::{Flat, shipped};
 use muster_indoor_world::world::{Failing, Outcome, Prepared, Setup};
+use muster_indoor_world::{engine, page};
 
 /// Error of the believed position that 95 % of the steps stay below, in metres.
 const ERROR_P95_M: f64 = 0.25;
@@ -118,6 +119,28 @@ fn both_engines_give_the_same_patrol() {
     let events = engine::run(&flat, Setup::seeded(5));
     let actors = engine::run_on_actors(&flat, Setup::seeded(5)).unwrap();
     assert!(events == actors);
+}
+
+#[test]
+fn page_lists_failed_patrols_and_marks_what_was_not_seen() {
+    let flat = prepared("flat");
+    let seeds = "1..3".parse().unwrap();
+    let jobs = NonZeroUsize::MIN;
+    let mut patrols = campaign::run(&flat, seeds, &[], jobs, |_| ());
+    let mut first = engine::run(&flat, Setup::seeded(1));
+    let page = page::patrol(&flat, &patrols, &first, "muster map patrol flat");
+    assert!(!page.contains("Patrols that failed") && !page.contains("class=\"short\""));
+    patrols.rows[1].seen = 0.98;
+    first.unseen = first.visible / 50;
+    let page = page::patrol(&flat, &patrols, &first, "muster map patrol flat");
+    for part in [
+        "Patrols that failed",
+        "<td class=\"n\">2</td><td class=\"n short\">98.00</td>",
+        "<td>saw 98.00 %</td>",
+        " %, less than 99 %,</b> of what can be seen",
+    ] {
+        assert!(page.contains(part), "{part}: {page}");
+    }
 }
 
 #[test]

@@ -33,11 +33,13 @@ impl<'a> Drawing<'a> {
     pub(super) fn svg(&self, content: &Markup) -> Markup {
         let bar = 0.5 * self.scale.min(WIDTH / 4.0) * 2.0;
         html! {
-            svg.floor viewBox=(format!("0 0 {WIDTH} {:.0}", self.height + 30.0)) role="img" {
-                path.wall d=(self.walls()) {}
-                (content)
-                path.scale d=(format!("M4 {y:.1} h{bar:.1}", y = self.height + 12.0)) {}
-                text x=(format!("{:.1}", bar + 10.0)) y=(format!("{:.1}", self.height + 17.0)) { "1 m" }
+            div.scroll {
+                svg.floor viewBox=(format!("0 0 {WIDTH} {:.0}", self.height + 30.0)) role="img" {
+                    path.wall d=(self.walls()) {}
+                    (content)
+                    path.scale d=(format!("M4 {y:.1} h{bar:.1}", y = self.height + 12.0)) {}
+                    text x=(format!("{:.1}", bar + 10.0)) y=(format!("{:.1}", self.height + 17.0)) { "1 m" }
+                }
             }
         }
     }
