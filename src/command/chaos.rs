@@ -1,12 +1,12 @@
 use std::io;
 use std::num::NonZeroUsize;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
 use indicatif::ProgressBar;
 use muster_scenarios::campaign::{RunOptions, Seeds};
-use muster_scenarios::chaos::{self, Progress, RUN_LIMIT, Request, Search};
+use muster_scenarios::chaos::{self, Progress, RUN_LIMIT, Request, Search, SearchResult};
 use muster_scenarios::report;
 use muster_scenarios::scenario::Override;
 
@@ -93,18 +93,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     }
     let resumed = folder::resumed(("search", "plan"), &out, before);
     let resumed = resumed.map_or_else(String::new, |it| format!(" {it}\n"));
-    text.push_str(&format!(
-        "\n{resumed} wrote {}\n",
-        out.join(chaos::CHAOS_JSON).display()
-    ));
-    if let Some(finding) = &searched.finding {
-        for path in [
-            &finding.scenario,
-            &finding.written.html,
-            &finding.written.json,
-        ] {
-            text.push_str(&format!(" wrote {}\n", path.display()));
-        }
+    text.push_str(&format!("\n{resumed}"));
+    for path in files(&searched, &out) {
+        text.push_str(&format!(" wrote {}\n", path.display()));
     }
     terminal::print(&text)?;
     Ok(
@@ -114,6 +105,16 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             Outcome::Success
         },
     )
+}
+
+/// The files that a search wrote.
+fn files(searched: &SearchResult, out: &Path) -> Vec<PathBuf> {
+    let mut files = vec![out.join(chaos::CHAOS_JSON)];
+    if let Some(finding) = &searched.finding {
+        let written = &finding.written;
+        files.extend([&finding.scenario, &written.html, &written.json].map(Clone::clone));
+    }
+    files
 }
 
 fn show(bar: &ProgressBar, progress: Progress) {

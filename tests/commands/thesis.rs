@@ -167,7 +167,7 @@ fn unusable_arguments_are_refused_before_a_run() {
     for (arguments, expected) in [
         (&["--seed", "-1"][..], "is not a whole number from 0"),
         (&["--seed", "one"], "`seed` takes a whole number"),
-        (&["--runs", "0"], "0 is not in 1..=1000"),
+        (&["--runs", "0"], "a whole number from 1 to 1000"),
         (&["--out", "taken"], "is not a folder"),
         (&["scenarios/thesis-1.toml"], "unexpected argument"),
     ] {
