@@ -105,7 +105,7 @@ impl ParentProbe {
             let since = route
                 .orphaned_since
                 .filter(|_| !shared.is_master_silent())?;
-            let master_silent_at = self.master_silent_at(since, links, config);
+            let master_silent_at = self.master_silent_at(since, shared.master(), links, config);
             let (asked, due) = self.inquiries.unwrap_or((0, since));
             let inquiry = (asked < self.inquiries_max(links)).then_some(due);
             return Some(inquiry.map_or(master_silent_at, |due| due.min(master_silent_at)));
@@ -130,11 +130,17 @@ impl ParentProbe {
     /// When a drone without a route since `since` reports the master as silent: after the route timeout. It waits
     /// longer
     ///
-    /// - for the next heartbeat, if symmetric neighbours have routes that are not feasible, and not over the dropped parent.
-    ///   If the master is dead, they lose theirs, too;
+    /// - for the next heartbeat, if symmetric neighbours have routes that are not feasible, unless it dropped the master
+    ///   itself;
     /// - for as long as its only neighbour may take to probe its own parent, if that has a route;
     /// - for as long as probing takes, if it hears no drone: it would lead none, and others may return.
-    fn master_silent_at(&self, since: Timestamp, links: &LinkTable, config: &Config) -> Timestamp {
+    fn master_silent_at(
+        &self,
+        since: Timestamp,
+        master: Option<NodeId>,
+        links: &LinkTable,
+        config: &Config,
+    ) -> Timestamp {
         if self.is_isolated {
             return since + config.route_timeout + config.probing_max();
         }
@@ -142,11 +148,8 @@ impl ParentProbe {
         let heartbeats = if links.len() == 1 && others.next().is_some() {
             STALE_HEARTBEATS_MAX
         } else {
-            let is_over_dropped = |link: &Neighbour| {
-                self.dropped_parent
-                    .is_some_and(|dropped| link.report.parent == Some(dropped))
-            };
-            u16::from(others.any(|link| link.hearing().is_symmetric() && !is_over_dropped(link)))
+            let dropped_master = self.dropped_parent.is_some() && self.dropped_parent == master;
+            u16::from(!dropped_master && others.any(|link| link.hearing().is_symmetric()))
         };
         since + config.route_timeout + config.heartbeat_period * heartbeats.into()
     }
@@ -173,7 +176,7 @@ impl ParentProbe {
     ) -> Option<ProbeStep> {
         let Some(parent) = route.parent else {
             let since = route.orphaned_since?;
-            if now >= self.master_silent_at(since, links, config) {
+            if now >= self.master_silent_at(since, shared.master(), links, config) {
                 (self.inquiries, self.dropped_parent) = (None, None);
                 return Some(ProbeStep::ReportMasterSilent);
             }

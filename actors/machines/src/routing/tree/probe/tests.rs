@@ -387,20 +387,19 @@ fn drone_without_route_waits_one_heartbeat_if_neighbours_have_routes() {
 }
 
 #[test]
-fn drone_that_dropped_its_parent_waits_one_heartbeat_if_others_have_routes_past_that() {
+fn drone_that_dropped_its_parent_waits_one_heartbeat_if_others_have_routes() {
     let heartbeat = config().heartbeat_period;
-    for (through, waits) in [(15, heartbeat), (0, Duration::ZERO)] {
+    for (parent, waits) in [(2, heartbeat), (0, Duration::ZERO)] {
         let mut child = Child::new(1);
         child.receive_parent(250, |_| false);
         for other in [3, 4] {
-            let route = Tree {
-                parent: Some(NodeId(through)),
-                ..with_route(1, 500, 7)
-            };
-            child.near.receive(other, route);
+            child.near.receive(other, with_route(1, 500, 7));
         }
-        let (_, took) = child.drop_parent_and_report_master_silent();
-        assert_eq!(took, config().route_timeout + waits, "over {through}");
+        let mut probe = ParentProbe::default();
+        probe.dropped_parent = Some(NodeId(parent));
+        child.near.links.forget(NodeId(0));
+        let (_, took) = child.report_master_silent_with(probe);
+        assert_eq!(took, config().route_timeout + waits, "drone {parent}");
     }
 }
 
