@@ -395,8 +395,10 @@ fn drone_that_dropped_its_parent_waits_one_heartbeat_if_others_have_routes() {
         for other in [3, 4] {
             child.near.receive(other, with_route(1, 500, 7));
         }
-        let mut probe = ParentProbe::default();
-        probe.dropped_parent = Some(NodeId(parent));
+        let probe = ParentProbe {
+            dropped_parent: Some(NodeId(parent)),
+            ..ParentProbe::default()
+        };
         child.near.links.forget(NodeId(0));
         let (_, took) = child.report_master_silent_with(probe);
         assert_eq!(took, config().route_timeout + waits, "drone {parent}");
