@@ -15,7 +15,8 @@ use super::publish::{Published, publish};
 use super::row::Row;
 use super::rows::Rows;
 use crate::engine;
-use crate::scenario::Scenario;
+use crate::report::figures::quoted;
+use crate::scenario::{Override, Scenario};
 
 /// Maximum number of concurrent runs.
 pub const JOBS_MAX: usize = 1_024;
@@ -130,10 +131,10 @@ fn work(
     let next = || queue.lock().unwrap_or_else(PoisonError::into_inner).next();
     while let Some(run) = next() {
         let (combination, seed) = campaign.run(run);
-        let combination = usize::try_from(combination).expect("at most COMBINATIONS_MAX");
-        let row = scenarios[combination]
+        let place = usize::try_from(combination).expect("at most COMBINATIONS_MAX");
+        let row = scenarios[place]
             .with_seed(seed)
-            .map_err(|error| refused(campaign, seed, &error).into())
+            .map_err(|error| refused(campaign, (combination, seed), &error).into())
             .and_then(|scenario| {
                 let (report, _) = engine::run_within(run_limit, &scenario, campaign.engine)?;
                 Ok(Row::new(campaign, run, &report))
@@ -144,50 +145,76 @@ fn work(
     }
 }
 
-/// The seed's places can't be flown.
-fn refused(campaign: &Campaign, seed: u64, error: &BadInput) -> BadInput {
+/// The places that a seed draws can't be flown.
+fn refused(campaign: &Campaign, (combination, seed): (u64, u64), error: &BadInput) -> BadInput {
     let message = format!("seed {seed} draws places that can't be flown: {error}");
+    let set = campaign.overrides(combination).into_iter();
+    let set = set.chain([Override::seed(&seed.to_string())]);
+    let set: String = set
+        .map(|it| format!(" --set {}", quoted(&it.to_string())))
+        .collect();
     let help = format!(
-        "`muster check {} --seed {seed}` shows more; set `seed` of the formation to fly the same places with all seeds",
-        campaign.scenario
+        "`muster check {}{set}` shows more; set `seed` of the formation to fly the same places with all seeds",
+        quoted(&campaign.scenario)
     );
     BadInput::without_excerpt(Path::new(&campaign.scenario), message, help)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
+    use tempfile::TempDir;
+
     use super::super::Request;
     use super::super::shard::Shard;
     use super::*;
     use crate::report::Engine;
-    use crate::scenario::{self, Override};
+    use crate::scenario;
 
-    #[test]
-    fn run_is_that_of_its_command_also_where_its_seed_draws_the_places() {
-        let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("thesis-1.toml");
-        let set = ["formation.kind=random", "formation.drones=5"];
-        let set: Vec<Override> = set.iter().map(|it| it.parse().unwrap()).collect();
+    fn thesis() -> PathBuf {
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("thesis-1.toml")
+    }
+
+    /// Runs thesis-1 with these fields and seeds in a new folder, one run at a time.
+    fn run_thesis(
+        set: &[Override],
+        seeds: &str,
+        run_limit: Duration,
+    ) -> (TempDir, Result<Published, CampaignError>) {
         let (campaign, scenarios) = Campaign::load(&Request {
-            scenario: scenario.clone(),
+            scenario: thesis(),
             engine: Engine::Events,
-            set: set.clone(),
+            set: set.to_vec(),
             vary: Vec::new(),
-            seeds: "3..5".parse().unwrap(),
+            seeds: seeds.parse().unwrap(),
             shard: Shard::WHOLE,
         })
         .unwrap();
         let folder = tempfile::tempdir().unwrap();
         let options = RunOptions {
             jobs: NonZeroUsize::MIN,
-            run_limit: RUN_LIMIT,
+            run_limit,
         };
-        run(&campaign, &scenarios, folder.path(), options, |_| ()).unwrap();
+        let published = run(&campaign, &scenarios, folder.path(), options, |_| ());
+        (folder, published)
+    }
+
+    fn overrides(set: &[&str]) -> Vec<Override> {
+        set.iter().map(|it| it.parse().unwrap()).collect()
+    }
+
+    #[test]
+    fn run_is_that_of_its_command_also_where_its_seed_draws_the_places() {
+        let set = overrides(&["formation.kind=random", "formation.drones=5"]);
+        let (folder, published) = run_thesis(&set, "3..5", RUN_LIMIT);
+        published.unwrap();
         let rows = std::fs::read_to_string(folder.path().join("runs.jsonl")).unwrap();
         for seed in ["3", "4"] {
             let set: Vec<_> = (set.iter().cloned())
                 .chain([Override::seed(seed)])
                 .collect();
-            let alone = scenario::load(&scenario, &set).unwrap();
+            let alone = scenario::load(&thesis(), &set).unwrap();
             let (report, _) = engine::run(&alone, Engine::Events, None).unwrap();
             assert!(
                 rows.contains(&report.trace.unwrap()),
@@ -197,22 +224,30 @@ mod tests {
     }
 
     #[test]
-    fn run_that_exceeds_its_limit_has_a_row_and_the_campaign_continues() {
-        let (campaign, scenarios) = Campaign::load(&Request {
-            scenario: Path::new(env!("CARGO_MANIFEST_DIR")).join("thesis-1.toml"),
-            engine: Engine::Events,
-            set: Vec::new(),
-            vary: Vec::new(),
-            seeds: "0..3".parse().unwrap(),
-            shard: Shard::WHOLE,
-        })
-        .unwrap();
-        let folder = tempfile::tempdir().unwrap();
-        let options = RunOptions {
-            jobs: NonZeroUsize::MIN,
-            run_limit: Duration::ZERO,
+    fn places_that_cannot_be_flown_end_a_campaign_with_the_command_that_shows_why() {
+        let set = overrides(&[
+            "formation.kind=random",
+            "formation.drones=30",
+            "formation.spacing_m=20",
+            "mission.file=paddock",
+            "limits.altitude_max_m=30",
+        ]);
+        let (_folder, published) = run_thesis(&set, "3..4", RUN_LIMIT);
+        let Err(CampaignError::Refused(error)) = published else {
+            panic!("{published:?}");
         };
-        let published = run(&campaign, &scenarios, folder.path(), options, |_| ()).unwrap();
+        let shown = error.rendered();
+        assert!(
+            shown.contains("seed 3 draws places that can't be flown"),
+            "{shown}"
+        );
+        assert!(shown.contains("--set seed=3"), "{shown}");
+    }
+
+    #[test]
+    fn run_that_exceeds_its_limit_has_a_row_and_the_campaign_continues() {
+        let (_folder, published) = run_thesis(&[], "0..3", Duration::ZERO);
+        let published = published.unwrap();
         let broken: Vec<_> = published
             .broken
             .iter()
