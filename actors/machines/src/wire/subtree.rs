@@ -82,6 +82,12 @@ impl<'a> EncodedSubtree<'a> {
         }
     }
 
+    /// Whether a drone is in [`Tree::alive`].
+    #[must_use]
+    pub fn is_alive(&self, id: NodeId) -> bool {
+        self.alive.contains(id)
+    }
+
     /// Whether a drone is in [`Tree::landing`].
     #[must_use]
     pub fn is_landing(&self, id: NodeId) -> bool {

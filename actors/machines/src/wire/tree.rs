@@ -232,12 +232,21 @@ impl TreeFrame<'_> {
         }
     }
 
+    fn covers(&self, id: NodeId) -> bool {
+        self.span.as_ref().is_none_or(|span| span.contains(&id.0))
+    }
+
     /// Whether the sender hears a drone; `None` if the packet does not cover that drone.
     #[must_use]
     pub fn hears(&self, id: NodeId) -> Option<bool> {
-        let covers = self.span.as_ref().is_none_or(|span| span.contains(&id.0));
-        let hears = self.hears.filter(|_| covers);
+        let hears = self.hears.filter(|_| self.covers(id));
         hears.map(|hears| hears.contains(id))
+    }
+
+    /// Whether a drone is in the sender's subtree; `None` if the packet does not cover that drone.
+    #[must_use]
+    pub fn counts(&self, id: NodeId) -> Option<bool> {
+        self.covers(id).then(|| self.subtree.is_alive(id))
     }
 
     /// Share of a drone's broadcasts that the sender receives, in sixteenths; `None` if the packet does not contain it.

@@ -67,6 +67,8 @@ pub(super) struct Report {
     pub(super) request_count: u16,
     /// Whether it hears this drone; `None` if the frame does not contain it.
     pub(super) hears_own: Option<bool>,
+    /// Whether this drone is in its subtree.
+    pub(super) counts_own: bool,
     /// Whether the master is going to land.
     pub(super) master_lands: bool,
     /// Whether the sender was the parent at that time.
@@ -350,7 +352,11 @@ impl Neighbour {
                 }
             });
         }
-        let before = std::mem::replace(&mut self.report, Report::of(frame, own, sender));
+        let report = Report {
+            counts_own: frame.counts(own).unwrap_or(self.report.counts_own),
+            ..Report::of(frame, own, sender)
+        };
+        let before = std::mem::replace(&mut self.report, report);
         let reception = frame.reception_of(own);
         let peer_share_changed = reception.is_some_and(|it| self.quality.record_peer_share(it));
         let route = |report: &Report| (report.hops, report.cost, report.parent);
@@ -385,6 +391,7 @@ impl Report {
             requests_own: frame.requests.contains(own),
             request_count: frame.requests.member_count(),
             hears_own: reports_hearing(own, frame),
+            counts_own: false,
             master_lands: (sender.master).is_some_and(|master| frame.subtree.is_landing(master)),
             by_parent: sender.is_parent,
         }

@@ -14,6 +14,7 @@
 
 use std::time::Duration;
 
+use super::Config;
 use super::link::Neighbour;
 use super::link_table::LinkTable;
 use crate::flaw::{self, Flaw};
@@ -25,6 +26,9 @@ use crate::time::Timestamp;
 /// 1.5 expected transmissions), which measures links for longer.
 const HYSTERESIS: u16 = ETX_UNIT * 3 / 4;
 
+/// Leaf periods for which a parent's reports may leave out this drone: the parent sends within 1.4 of them.
+const UNCOUNTED_LEAF_PERIODS: u32 = 2;
+
 /// The route to the master.
 ///
 /// Invariant: no label nearer than `distance` was announced in this leader epoch.
@@ -32,8 +36,13 @@ const HYSTERESIS: u16 = ETX_UNIT * 3 / 4;
 pub(super) struct ParentSelection {
     own: NodeId,
     heartbeat_period: Duration,
+    /// A parent is stale if its reports have left out this drone for longer. `None` for a pure relay, which reports never
+    /// contain.
+    uncounted_max: Option<Duration>,
     routes: Routes,
     label: Label,
+    /// When the parent was chosen, or last reported that this drone is in its subtree.
+    counted_at: Timestamp,
     distance: Label,
     /// `Some` if the parent was not stale when chosen, and nothing but silence speaks against it.
     sound_parent: Option<SoundParent>,
@@ -90,12 +99,15 @@ pub(super) struct RouteContext {
 }
 
 impl ParentSelection {
-    pub(super) fn new(own: NodeId, heartbeat_period: Duration) -> Self {
+    pub(super) fn new(config: &Config) -> Self {
+        let is_relay = config.id.0 >= config.drones;
         Self {
-            own,
-            heartbeat_period,
+            own: config.id,
+            heartbeat_period: config.heartbeat_period,
+            uncounted_max: (!is_relay).then(|| config.leaf_period() * UNCOUNTED_LEAF_PERIODS),
             routes: Routes::default(),
             label: Label::FARTHEST,
+            counted_at: Timestamp::ZERO,
             distance: Label::FARTHEST,
             sound_parent: None,
             orphaned_since: None,
@@ -109,7 +121,9 @@ impl ParentSelection {
 
     /// Forgets the route to the master before.
     pub(super) fn start_epoch(&mut self) {
-        *self = Self::new(self.own, self.heartbeat_period);
+        self.routes = Routes::default();
+        (self.label, self.distance) = (Label::FARTHEST, Label::FARTHEST);
+        (self.sound_parent, self.orphaned_since) = (None, None);
     }
 
     pub(super) const fn routes(&self) -> &Routes {
@@ -153,11 +167,16 @@ impl ParentSelection {
     pub(super) fn stale_at(&self, links: &LinkTable) -> Option<Timestamp> {
         match self.sound_parent {
             Some(parent) => Some(parent.stale_at),
-            None => Some(
-                links
-                    .get(self.routes.parent?)?
-                    .stale_at(self.heartbeat_period),
-            ),
+            None => Some(self.parent_stale_at(links.get(self.routes.parent?)?)),
+        }
+    }
+
+    /// When the parent becomes stale: after silence, or when its reports have left out this drone, which it may not hear.
+    fn parent_stale_at(&self, parent: &Neighbour) -> Timestamp {
+        let silent_at = parent.stale_at(self.heartbeat_period);
+        match self.uncounted_max {
+            Some(max) if !parent.report.counts_own => silent_at.min(self.counted_at + max),
+            _ => silent_at,
         }
     }
 
@@ -174,7 +193,7 @@ impl ParentSelection {
         let is_sound =
             link.hearing().is_symmetric() && link.is_reachable() && link.has_route_past(self.own);
         is_sound.then(|| SoundParent {
-            stale_at: link.stale_at(self.heartbeat_period),
+            stale_at: self.parent_stale_at(link),
         })
     }
 
@@ -191,11 +210,15 @@ impl ParentSelection {
         })
     }
 
-    /// Announces the label that the parent's newest heartbeat sequence gives.
+    /// The parent was heard. Announces the label that its newest heartbeat sequence gives.
     pub(super) fn follow_parent(&mut self, links: &LinkTable) {
-        if let Some(link) = self.routes.parent.and_then(|parent| links.get(parent))
-            && let Some(cost) = self.cost_through(link)
-        {
+        let Some(link) = self.routes.parent.and_then(|parent| links.get(parent)) else {
+            return;
+        };
+        if link.report.counts_own {
+            self.counted_at = link.heard_at;
+        }
+        if let Some(cost) = self.cost_through(link) {
             self.announce(Label {
                 heartbeat: link.route_heartbeat(),
                 cost,
@@ -261,6 +284,9 @@ impl ParentSelection {
             routes: routes != self.routes,
             hops_or_parent: (routes.hops, routes.parent) != (self.routes.hops, self.routes.parent),
         };
+        if routes.parent != self.routes.parent {
+            self.counted_at = now;
+        }
         if change.routes {
             self.routes = routes;
         }
@@ -287,7 +313,8 @@ impl ParentSelection {
         let current = self.routes.parent.and_then(|parent| links.get(parent));
         let is_live =
             |link: &Neighbour| link.is_reachable() && !link.is_stale(now, self.heartbeat_period);
-        let live_parent = current.filter(|link| is_usable(link) && is_live(link));
+        let live_parent = (current.filter(|link| is_usable(link) && link.is_reachable()))
+            .filter(|link| now <= self.parent_stale_at(link));
         let lost_this_drone =
             |link: &Neighbour| link.hearing().lost_this_drone() && !context.throttles_leaves;
         let is_feasible = |link: &Neighbour| {

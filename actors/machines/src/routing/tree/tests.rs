@@ -28,7 +28,7 @@ const MASTER: Ballot = Ballot {
 };
 
 /// Four drones, with master 0, and pure relay 4.
-fn config(id: u32) -> Config {
+pub(super) fn config(id: u32) -> Config {
     Config {
         id: NodeId(id),
         drones: 4,

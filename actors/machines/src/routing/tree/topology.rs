@@ -36,7 +36,7 @@ impl Topology {
         let period = config.heartbeat_period;
         Self {
             links: LinkTable::new(config.id, config.drones, period, config.leaf_period()),
-            route: ParentSelection::new(config.id, period),
+            route: ParentSelection::new(&config),
             probe: ParentProbe::default(),
             heartbeat_timer: HeartbeatTimer::new(&config),
             silent_until: None,

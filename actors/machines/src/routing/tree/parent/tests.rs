@@ -2,8 +2,10 @@ use proptest::prelude::*;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
+use super::super::tests::config;
 use super::super::tests::neighbourhood::{Neighbourhood, with_route};
 use super::*;
+use crate::identity::NodeSet;
 use crate::routing::{Reception, Tree};
 
 /// Drone 1, with master 0, and its neighbours.
@@ -16,7 +18,7 @@ impl Drone {
     fn new() -> Self {
         Self {
             near: Neighbourhood::of(1),
-            route: ParentSelection::new(NodeId(1), Neighbourhood::HEARTBEAT_PERIOD),
+            route: ParentSelection::new(&config(1)),
         }
     }
 
@@ -203,6 +205,50 @@ fn stale_parent_is_replaced_by_a_proven_neighbour_only() {
         assert_eq!(drone.choose(), Some(2), "the parent is not stale yet");
         drone.near.now = stale_at + Duration::from_nanos(1);
         assert_eq!(drone.choose(), Some(chosen));
+    }
+}
+
+#[test]
+fn parent_that_does_not_count_this_drone_is_replaced() {
+    let mut drone = Drone::new();
+    drone.receive_well(2, &with_route(1, 32, 1));
+    drone.receive_well(3, &with_route(7, 300, 1));
+    let max = config(1).leaf_period() * UNCOUNTED_LEAF_PERIODS;
+    let (counted_at, quarter) = (drone.near.now, max / 4);
+    let hears = Some(NodeSet::from(NodeId(1)));
+    let mut parents = Vec::new();
+    for heartbeat in 2..8 {
+        drone.near.now += quarter;
+        let leaves_out = Tree {
+            hears: hears.clone(),
+            ..with_route(1, 32, heartbeat)
+        };
+        drone.near.receive_unmodified(2, leaves_out);
+        drone.near.receive(3, with_route(7, 300, heartbeat + 1));
+        drone.route.follow_parent(&drone.near.links);
+        parents.push((drone.near.now, drone.choose()));
+    }
+    let replaced_at = parents.iter().find(|it| it.1 == Some(3)).unwrap().0;
+    assert_eq!(replaced_at, counted_at + max + quarter, "{parents:?}");
+}
+
+#[test]
+fn parent_of_a_pure_relay_need_not_count_it() {
+    let mut drone = Drone::new();
+    drone.route = ParentSelection::new(&Config {
+        drones: 1,
+        ..config(1)
+    });
+    for heartbeat in 1..60 {
+        let parent = Tree {
+            hears: Some(NodeSet::from(NodeId(1))),
+            ..with_route(1, 32, heartbeat)
+        };
+        drone.near.receive_unmodified(2, parent);
+        drone.near.receive(3, with_route(7, 300, heartbeat));
+        drone.route.follow_parent(&drone.near.links);
+        assert_eq!(drone.choose(), Some(2));
+        drone.near.now += Neighbourhood::HEARTBEAT_PERIOD;
     }
 }
 

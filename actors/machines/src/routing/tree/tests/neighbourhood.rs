@@ -39,11 +39,20 @@ impl Neighbourhood {
         *self.numbers.entry(from).or_default() += 1;
     }
 
-    /// Receives a broadcast of a neighbour that hears the drone.
+    /// Receives a broadcast of a neighbour that hears the drone, and has it in its subtree.
     pub(in crate::routing::tree) fn receive(&mut self, from: u32, report: Tree) {
         let hears = report.hears.clone().unwrap_or_else(|| ids([self.own]));
         let hears = Some(hears);
-        self.receive_unmodified(from, Tree { hears, ..report });
+        let mut alive = report.alive.clone();
+        if report.parent != Some(NodeId(self.own)) {
+            alive.insert(NodeId(self.own));
+        }
+        let report = Tree {
+            hears,
+            alive,
+            ..report
+        };
+        self.receive_unmodified(from, report);
     }
 
     /// Receives a broadcast of a neighbour; the report is not modified.
