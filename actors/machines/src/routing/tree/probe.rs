@@ -130,8 +130,8 @@ impl ParentProbe {
     /// When a drone without a route since `since` reports the master as silent: after the route timeout. It waits
     /// longer
     ///
-    /// - for the next heartbeat, if symmetric neighbours have routes that are not feasible, unless it dropped the master
-    ///   itself;
+    /// - for the next heartbeat, if it has symmetric neighbours, unless it dropped the master itself: they may have routes
+    ///   that are not feasible, or may be about to find one;
     /// - for as long as its only neighbour may take to probe its own parent, if that has a route;
     /// - for as long as probing takes, if it hears no drone: it would lead none, and others may return.
     fn master_silent_at(
@@ -144,12 +144,11 @@ impl ParentProbe {
         if self.is_isolated {
             return since + config.route_timeout + config.probing_max();
         }
-        let mut others = links.with_routes();
-        let heartbeats = if links.len() == 1 && others.next().is_some() {
+        let heartbeats = if links.len() == 1 && links.with_routes().next().is_some() {
             STALE_HEARTBEATS_MAX
         } else {
             let dropped_master = self.dropped_parent.is_some() && self.dropped_parent == master;
-            u16::from(!dropped_master && others.any(|link| link.hearing().is_symmetric()))
+            u16::from(!dropped_master && links.iter().any(|link| link.hearing().is_symmetric()))
         };
         since + config.route_timeout + config.heartbeat_period * heartbeats.into()
     }

@@ -311,10 +311,11 @@ impl Child {
 }
 
 #[test]
-fn without_any_route_nearby_master_is_silent_after_route_timeout() {
+fn drone_whose_neighbours_lost_their_routes_too_waits_one_heartbeat_and_does_not_ask() {
     let mut child = Child::new(1);
     child.near.receive(3, Tree::default());
-    assert_eq!(child.report_master_silent(), (0, config().route_timeout));
+    let took = config().route_timeout + config().heartbeat_period;
+    assert_eq!(child.report_master_silent(), (0, took));
 }
 
 #[test]
@@ -366,7 +367,8 @@ fn only_neighbour_is_asked_until_master_is_silent() {
     let mut child = Child::alone(1);
     child.near.receive(0, Tree::default());
     let (inquiries, took) = child.report_master_silent();
-    assert_eq!(took, config().route_timeout, "the neighbour has no route");
+    let expected = config().route_timeout + config().heartbeat_period;
+    assert_eq!(took, expected, "the neighbour has no route");
     assert_inquires_all_the_time(inquiries, took);
 }
 
