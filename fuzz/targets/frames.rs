@@ -23,9 +23,9 @@ fn read_payload(payload: &[u8]) {
         assert!(words.len() < payload.len());
     }
     assert!(wire::decode_message(payload).is_err() || wire::is_message(payload));
-    if let Ok(packet) = wire::decode_packet(payload) {
+    if let Ok(packet) = wire::decode_packet(&payload.to_vec().into()) {
         let encoded = wire::encode_packet(&packet);
-        assert_eq!(wire::decode_packet(&encoded).as_ref(), Ok(&packet));
+        assert_eq!(wire::decode_packet(&encoded.into()).as_ref(), Ok(&packet));
     }
     if let Some(packet) = wire::decode_radio_packet(payload) {
         let encoded = wire::encode_radio_packet(&packet);

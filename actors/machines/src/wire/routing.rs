@@ -2,6 +2,8 @@
 
 use std::time::Duration;
 
+use bytes::Bytes;
+
 use super::message::MESSAGE;
 use super::reader::Reader;
 use super::writer::Writer;
@@ -82,15 +84,15 @@ pub fn decode_message(payload: &[u8]) -> Result<Message, PayloadError> {
     message::read(packet).ok_or(PayloadError)
 }
 
-/// Decodes a packet between routings.
+/// Decodes a packet between routings. An order of policy `flood` shares the memory of the payload.
 ///
 /// # Errors
 /// The bytes are no such packet, or bytes follow it.
-pub fn decode_packet(payload: &[u8]) -> Result<Packet, PayloadError> {
-    match payload {
+pub fn decode_packet(payload: &Bytes) -> Result<Packet, PayloadError> {
+    match &**payload {
         [HELLO, hello @ ..] => read_hello(hello),
         [HOP_UPDATE, hop_update @ ..] => read_hop_update(hop_update),
-        [FLOOD, flood @ ..] => read_flood(flood).map(Packet::Flood),
+        [FLOOD, flood @ ..] => read_flood(flood, payload).map(Packet::Flood),
         [TREE, ..] => return decode_tree(payload).map(|tree| Packet::Tree(tree.to_tree())),
         [MESSAGE, ..] => return decode_message(payload).map(Packet::Message),
         _ => None,
@@ -158,8 +160,8 @@ fn write_flood(flood: &Flood, writer: &mut Writer) {
     writer.option(flood.order.as_deref(), Writer::bytes);
 }
 
-/// Reads a packet as [`write_flood`] writes it.
-fn read_flood(bytes: &[u8]) -> Option<Flood> {
+/// Reads a packet as [`write_flood`] writes it, from a part of `payload`.
+fn read_flood(bytes: &[u8], payload: &Bytes) -> Option<Flood> {
     let mut reader = Reader(bytes);
     let mut flood = Flood {
         hops: reader.hops()?,
@@ -185,7 +187,7 @@ fn read_flood(bytes: &[u8]) -> Option<Flood> {
         });
     }
     if reader.option_tag()? {
-        flood.order = Some(bytes::Bytes::copy_from_slice(reader.bytes()?));
+        flood.order = Some(payload.slice_ref(reader.bytes()?));
     }
     reader.0.is_empty().then_some(flood)
 }

@@ -61,7 +61,9 @@ fn stimulate(routing: &mut FloodRouting, now: Timestamp, stimulus: Stimulus<Inpu
     };
     step(routing, now, stimulus, |emitted| match emitted {
         Emitted::Transmit(Transmit::Send { payload, .. }) => {
-            outputs.sent.push(wire::decode_packet(&payload).unwrap());
+            outputs
+                .sent
+                .push(wire::decode_packet(&payload.into()).unwrap());
         }
         Emitted::Transmit(Transmit::Inform(notice)) => outputs.notices.push(notice),
         Emitted::Transmit(Transmit::Deaf(deaf)) => outputs.deaf = Some(deaf),

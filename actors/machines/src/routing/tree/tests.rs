@@ -88,7 +88,7 @@ impl Node {
             stimulus,
             |emitted| match emitted {
                 Emitted::Transmit(Transmit::Send { to, payload, .. }) => {
-                    let Ok(Packet::Tree(packet)) = wire::decode_packet(&payload) else {
+                    let Ok(Packet::Tree(packet)) = wire::decode_packet(&payload.into()) else {
                         panic!("policy `tree` sends only its own packets");
                     };
                     assert_eq!(packet.to, to, "the packet names the receiver of the frame");

@@ -79,7 +79,7 @@ fn message_packets_match_golden_bytes() {
         let packet = Packet::Message(message(Some(frame)));
         let encoded = encode_packet(&packet);
         assert_eq!(hex(&encoded), format!("{head}{bytes}"));
-        assert_eq!(decode_packet(&encoded), Ok(packet));
+        assert_eq!(decode_packet(&encoded.clone().into()), Ok(packet));
         assert!(is_message(&encoded));
     }
     let only_accepted = Packet::Message(message(None));
