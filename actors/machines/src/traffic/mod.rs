@@ -175,13 +175,18 @@ impl Traffic {
         other.is_some_and(|it| !self.is_silent(now, it.at)) && !self.deaf.contains(id)
     }
 
-    /// A place beside a landing column, at the same altitude, if the path to it and the column below it are clear.
+    /// A place beside a landing column, at the same altitude, if the path to it and the column below it are clear. None is
+    /// needed if others only pass through the column: there a drone might land where another is to.
     pub(crate) fn landing_detour(
         &self,
         now: Timestamp,
         column: Path,
         may_fly_to: impl Fn(Ned) -> bool,
     ) -> Option<Ned> {
+        let mut near = (self.occupied(now, column.from)).filter(|(_, it)| self.is_near(it, column));
+        if near.all(|(_, it)| it.precedence == Precedence::Leg) {
+            return None;
+        }
         let mut sides = self.detour_points(column.from, Vector2::x());
         sides.find(|side| {
             if !may_fly_to(*side) {

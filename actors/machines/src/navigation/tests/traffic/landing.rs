@@ -73,6 +73,24 @@ fn drone_lands_beside_traffic_that_stays_below() {
 }
 
 #[test]
+fn drone_does_not_land_beside_traffic_that_passes_below() {
+    let mut navigation = waiting_to_land();
+    let far = Ned::new(0.0, 90.0, -10.0);
+    let passing = Input::Traffic {
+        sender: NodeId(2),
+        intent: Some(Intent::of(Path::new(BELOW, far), 0.0, false)),
+    };
+    let due = Timestamp::ZERO + DETOUR_AFTER;
+    handle_at(&mut navigation, due, passing);
+    let output = handle_at(&mut navigation, due, at_rest_at(LANDING));
+    assert!(!lands(&output));
+    assert!(
+        output.contains(&announces_descent(LANDING)),
+        "those below may stop: {output:?}"
+    );
+}
+
+#[test]
 fn drone_to_land_below_one_that_comes_down_flies_aside_first() {
     let mut navigation = avoiding();
     let above = Input::Traffic {
