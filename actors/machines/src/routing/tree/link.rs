@@ -67,7 +67,7 @@ pub(super) struct Report {
     pub(super) request_count: u16,
     /// Whether it hears this drone; `None` if the frame does not contain it.
     pub(super) hears_own: Option<bool>,
-    /// Whether this drone is in its subtree.
+    /// Of the parent: whether this drone is in its subtree.
     pub(super) counts_own: bool,
     /// Whether the master is going to land.
     pub(super) master_lands: bool,
@@ -352,10 +352,10 @@ impl Neighbour {
                 }
             });
         }
-        let report = Report {
-            counts_own: frame.counts(own).unwrap_or(self.report.counts_own),
-            ..Report::of(frame, own, sender)
-        };
+        let mut report = Report::of(frame, own, sender);
+        if sender.is_parent {
+            report.counts_own = frame.counts(own).unwrap_or(self.report.counts_own);
+        }
         let before = std::mem::replace(&mut self.report, report);
         let reception = frame.reception_of(own);
         let peer_share_changed = reception.is_some_and(|it| self.quality.record_peer_share(it));

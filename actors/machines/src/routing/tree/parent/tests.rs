@@ -31,7 +31,11 @@ impl Drone {
             throttles_leaves: false,
         };
         self.route.update(self.near.now, place, &self.near.links);
-        self.route.parent().map(|parent| parent.0)
+        let parent = self.route.parent().map(|parent| parent.0);
+        if let Some(parent) = parent {
+            self.near.follow(parent);
+        }
+        parent
     }
 
     /// Receives a report until its link quality is known, and updates the route each time.
