@@ -67,7 +67,7 @@ pub(super) struct Report {
     pub(super) request_count: u16,
     /// Whether it hears this drone; `None` if the frame does not contain it.
     pub(super) hears_own: Option<bool>,
-    /// Of the parent: whether this drone is in its subtree.
+    /// Of the parent: whether this drone may be in its subtree.
     pub(super) counts_own: bool,
     /// Whether the master is going to land.
     pub(super) master_lands: bool,
@@ -353,9 +353,8 @@ impl Neighbour {
             });
         }
         let mut report = Report::of(frame, own, sender);
-        if sender.is_parent {
-            report.counts_own = frame.counts(own).unwrap_or(self.report.counts_own);
-        }
+        // A packet of a large swarm may not cover it.
+        report.counts_own = sender.is_parent && frame.counts(own).unwrap_or(true);
         let before = std::mem::replace(&mut self.report, report);
         let reception = frame.reception_of(own);
         let peer_share_changed = reception.is_some_and(|it| self.quality.record_peer_share(it));

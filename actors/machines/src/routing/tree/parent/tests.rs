@@ -236,24 +236,38 @@ fn parent_that_does_not_count_this_drone_is_replaced() {
     assert_eq!(replaced_at, counted_at + max + quarter, "{parents:?}");
 }
 
+/// For six seconds, the parent is heard and no longer counts drone 1, while another drone has a newer route.
+fn keeps_parent_that_does_not_count_it(mut drone: Drone, parent: &Tree) -> bool {
+    drone.receive_well(2, &with_route(1, 32, 1));
+    (2..60).all(|heartbeat| {
+        let parent = Tree {
+            heartbeat,
+            hears: Some(NodeSet::from(NodeId(1))),
+            ..parent.clone()
+        };
+        drone.near.receive_unmodified(2, parent);
+        drone.near.receive(3, with_route(7, 300, heartbeat + 1));
+        drone.route.follow_parent(&drone.near.links);
+        drone.near.now += Neighbourhood::HEARTBEAT_PERIOD / 10;
+        drone.choose() == Some(2)
+    })
+}
+
 #[test]
-fn parent_of_a_pure_relay_need_not_count_it() {
-    let mut drone = Drone::new();
-    drone.route = ParentSelection::new(&Config {
+fn only_a_parent_that_could_count_this_drone_must_do_so() {
+    let parent = with_route(1, 32, 1);
+    assert!(!keeps_parent_that_does_not_count_it(Drone::new(), &parent));
+    let mut relay = Drone::new();
+    relay.route = ParentSelection::new(&Config {
         drones: 1,
         ..config(1)
     });
-    for heartbeat in 1..60 {
-        let parent = Tree {
-            hears: Some(NodeSet::from(NodeId(1))),
-            ..with_route(1, 32, heartbeat)
-        };
-        drone.near.receive_unmodified(2, parent);
-        drone.near.receive(3, with_route(7, 300, heartbeat));
-        drone.route.follow_parent(&drone.near.links);
-        assert_eq!(drone.choose(), Some(2));
-        drone.near.now += Neighbourhood::HEARTBEAT_PERIOD;
-    }
+    assert!(keeps_parent_that_does_not_count_it(relay, &parent));
+    let of_others = parent.cut_to(2..9);
+    assert!(keeps_parent_that_does_not_count_it(
+        Drone::new(),
+        &of_others
+    ));
 }
 
 #[test]
