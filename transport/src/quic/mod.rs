@@ -107,6 +107,8 @@ impl fmt::Debug for Config {
 pub struct Connections {
     /// Number of open connections with drones.
     pub open: usize,
+    /// Number of all connections, also of those that are being opened or closed, and of those with operators.
+    pub all: usize,
     /// Failed attempts to connect in both directions, by reason.
     pub refused: BTreeMap<Refusal, u64>,
     /// Beacons refused as malformed, untrusted, replayed or over the rate limit.
@@ -268,6 +270,7 @@ impl QuicTransport {
     pub fn connections(&self) -> Connections {
         Connections {
             open: self.hub.links.count(),
+            all: self.hub.endpoint.open_connections(),
             refused: self.hub.refusals.all(),
             beacons_refused: self.hub.beacons_refused.load(Ordering::Relaxed),
         }

@@ -145,16 +145,20 @@ struct Quic {
 impl Quic {
     fn of(mut ends: Vec<End>, held: Addresses) -> Self {
         let mut all: Vec<_> = ends.iter_mut().collect();
-        until("all are connected", &mut all, |ends| {
-            ends.iter().all(|end| end.connections().open == 3)
+        // Of two connections that both ends open at once one is closed, with what was sent on it.
+        until("all are connected, once each", &mut all, |ends| {
+            let mut connections = ends.iter().map(|end| end.connections());
+            connections.all(|it| (it.open, it.all) == (3, 3))
         });
         Self { ends, _held: held }
     }
 
     fn with_peers() -> Self {
         let (fleet, addresses) = (Fleet::new(), Addresses::free());
-        // One side of each pair connects. Of two connections one is closed, with what was sent on it.
-        let end = |id: u32| addresses.open(&fleet, id, &Vec::from_iter(id + 1..4));
+        let end = |id: u32| {
+            let others: Vec<_> = (0..4).filter(|peer| *peer != id).collect();
+            addresses.open(&fleet, id, &others)
+        };
         let ends = (0..4).map(end).collect();
         Self::of(ends, addresses)
     }
