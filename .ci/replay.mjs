@@ -93,9 +93,9 @@ async function values(viewport, colorScheme, label) {
   const page = await open("lanes", viewport, colorScheme);
   const wide = await page.evaluate("document.documentElement.scrollWidth");
   assert.ok(wide <= viewport.width, `the page is ${wide} px wide on a screen of ${viewport.width} px`);
-  await look(page, "(replay.seek(replay.record.end), replay.select(1), 0)");
+  await look(page, "(replay.seek(replay.record.end), replay.select(0), 0)");
   assert.equal(await page.locator(".replay-value").count(), 1);
-  assert.equal(await page.locator(".replay-values h3").textContent(), "findsdrone 1: 3");
+  assert.equal(await page.locator(".replay-values h3").textContent(), "findsdrone 0: 3");
   assert.match(await page.locator(".replay-facts").textContent(), /finds3/);
   await shot(page, `${label}-values`);
   await page.context().close();
