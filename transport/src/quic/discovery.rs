@@ -55,13 +55,18 @@ fn rng(hub: &Hub, salt: u64) -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64((hub.clock)().as_nanos() ^ own ^ salt)
 }
 
-/// Keeps a connection to an address open. Never returns.
+/// Keeps a connection with an address open, whichever end opened it. Never returns.
 pub(super) async fn maintain_connection(hub: Arc<Hub>, address: SocketAddr) {
     let mut rng = rng(&hub, u64::from(address.port()));
     let mut back_off = BackOff::new();
     loop {
         let started = (hub.clock)();
-        if let Some(drone) = hub.connect(address, None).await {
+        // The other end may have connected since an attempt of this one failed.
+        let drone = match hub.links.drone_at(address) {
+            None => hub.connect(address, None).await,
+            connected => connected,
+        };
+        if let Some(drone) = drone {
             until_disconnected(&hub, drone).await;
         }
         back_off_after(&hub, &mut back_off, started, &mut rng).await;

@@ -1,7 +1,7 @@
 //! The open connections: at most one with each other drone.
 
 use std::collections::BTreeMap;
-use std::net::IpAddr;
+use std::net::{IpAddr, SocketAddr};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
@@ -100,6 +100,14 @@ impl Links {
         let links = self.lock();
         let link = links.get(&drone).filter(|link| link.is_open());
         link.map(|link| link.connection.clone())
+    }
+
+    /// The drone with which there is an open connection at an address.
+    pub(super) fn drone_at(&self, address: SocketAddr) -> Option<NodeId> {
+        let links = self.lock();
+        let mut links = links.iter();
+        let at = |link: &Link| link.connection.remote_address() == address && link.is_open();
+        links.find(|(_, link)| at(link)).map(|(drone, _)| *drone)
     }
 
     /// Whether there is an open connection with an address, at any port.

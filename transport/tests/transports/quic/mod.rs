@@ -267,6 +267,32 @@ fn frames_for_a_full_inbox_are_counted_and_dropped() {
 }
 
 #[test]
+fn drone_that_was_connected_by_its_peer_does_not_connect_again() {
+    let (fleet, addresses) = (Fleet::new(), Addresses::free());
+    let mut one = addresses.open(&fleet, 0, &[1]);
+    let mut config = addresses.config(&fleet, 1, &[]);
+    config.swarm = SwarmId(2);
+    let mut stranger = End::open(config, 1);
+    // Its next attempt is at least 0.4 s away then, and at most 0.8 s.
+    until(
+        "four attempts fail",
+        &mut [&mut one, &mut stranger],
+        |ends| ends[0].connections().refused.values().sum::<u64>() == 4,
+    );
+    drop(stranger);
+    let mut other = addresses.open(&fleet, 1, &[0]);
+    let mut both = [&mut one, &mut other];
+    until("its peer connects", &mut both, |ends| {
+        ends.iter().all(|end| end.connections().open == 1)
+    });
+    let connected = Instant::now();
+    until("a second passes", &mut both, |ends| {
+        assert_eq!(ends[1].connections().all, 1);
+        connected.elapsed() > Duration::from_secs(1)
+    });
+}
+
+#[test]
 fn restarted_drone_is_reconnected() {
     let (fleet, addresses) = (Fleet::new(), Addresses::free());
     let mut one = addresses.open(&fleet, 0, &[1]);
