@@ -53,3 +53,37 @@ fn exposure_is_refused_unless_accepted_or_resolved_by_avoidance() {
     assert_eq!(code, Some(2));
     contains(&error, &["landed by its flight controller", "\"killed\""]).unwrap();
 }
+
+#[test]
+fn drones_out_of_the_masters_reach_need_a_layer_each() {
+    let folder = Folder::new();
+    let check = |altitude_max_m: u32, protocol: &str, accept: &str| {
+        let scenario = SCENARIO
+            .replacen("range_m = 300", "range_m = 150", 1)
+            .replacen("liveness = \"thesis\"", protocol, 1)
+            + &format!("\n[limits]\naltitude_max_m = {altitude_max_m}\n{accept}\n");
+        folder.write("scenario.toml", scenario);
+        let (code, [_, error]) = folder.muster(&["check", "scenario.toml"]);
+        (code, error)
+    };
+    let (code, error) = check(30, "", "");
+    assert_eq!(code, Some(2));
+    let says = [
+        "drones 0, 1, 3, 4 can't reach the master",
+        "`limits.altitude_max_m`",
+    ];
+    contains(&error, &says).unwrap();
+    let all = "accept = [\"late\", \"apart\", \"descends\", \"killed\"]";
+    for (altitude_max_m, protocol, accept) in [
+        (60, "", ""),
+        (30, "succession = \"land\"", ""),
+        (30, "", all),
+    ] {
+        let (code, error) = check(altitude_max_m, protocol, accept);
+        assert_eq!(
+            code,
+            Some(0),
+            "{altitude_max_m} m, {protocol} {accept}: {error}"
+        );
+    }
+}

@@ -23,15 +23,11 @@ use muster_runtime::text::{NO_VALUE, drones, plural};
 pub(super) const EXPOSED_DRONES_MAX: u32 = 2_000;
 
 /// Refuses a plan in which drones out of the master's reach would follow a master of their own without a layer per drone.
-/// Followers do not give way.
-pub(super) fn check_followers(
-    source: &Source,
-    raw: &Raw,
-    scenario: &Scenario,
-) -> Result<(), BadInput> {
+/// Drones that hear nothing of each other can't give way.
+pub(super) fn check_apart(source: &Source, raw: &Raw, scenario: &Scenario) -> Result<(), BadInput> {
     let elects = scenario.plan.protocol.succession == Succession::Elect;
-    let may_meet = scenario.plan.follow.is_some()
-        && elects
+    let may_meet = elects
+        && scenario.plan.agent.is_none()
         && scenario.plan.layout.layering() == Layering::Shared
         && !raw.limits.accepts(Exposure::Apart);
     let Some(apart) = may_meet.then(|| scenario.unreached()).flatten() else {

@@ -11,7 +11,7 @@ use muster_runtime::plan::{build_plan, to_usize};
 use muster_runtime::vehicle::VehicleKind;
 use muster_transport::sim::{self, Access, Bursts, Propagation};
 
-use super::exposure::check_followers;
+use super::exposure::check_apart;
 use super::faults::faults;
 use super::shipped::{self, scenario_file, shown};
 use super::{Chaos, Scenario, Variation};
@@ -139,7 +139,7 @@ fn alone(
         unchecked: false,
         others: Vec::new(),
     };
-    check_followers(source, raw, &scenario)?;
+    check_apart(source, raw, &scenario)?;
     Ok(scenario)
 }
 

@@ -24,6 +24,29 @@ impl Path {
         Self { from: at, to: at }
     }
 
+    /// The place after a share of the path, from 0 at its start to 1 at its end.
+    #[must_use]
+    pub fn at(self, share: f64) -> Ned {
+        Ned(self.from.0.lerp(&self.to.0, share))
+    }
+
+    /// The share of the path at which it is nearest to a place; 0 if the path is stationary.
+    #[must_use]
+    pub fn share_nearest(self, place: Ned) -> f64 {
+        let along = (self.to - self.from).0;
+        let length_squared = along.norm_squared();
+        if length_squared <= 0.0 {
+            return 0.0;
+        }
+        ((place - self.from).0.dot(&along) / length_squared).clamp(0.0, 1.0)
+    }
+
+    /// Distance of a place from the path, in metres.
+    #[must_use]
+    pub fn distance_m(self, place: Ned) -> f64 {
+        self.at(self.share_nearest(place)).distance_m(place)
+    }
+
     /// Whether two drones, each anywhere on its path, may violate the separation: over ground and in height at once.
     #[must_use]
     pub fn violates(self, other: Self, separation: Separation) -> bool {
@@ -80,9 +103,8 @@ mod tests {
     /// Smallest sampled distance of the two, as a multiple of the separation: above 1 they are separated.
     fn sampled_ratio(a: Path, b: Path) -> f64 {
         let steps = || (0..=60).map(|step| f64::from(step) / 60.0);
-        let on = |path: Path, share| Ned(path.from.0.lerp(&path.to.0, share));
         let ratio = |(s, t)| {
-            let (here, there) = (on(a, s), on(b, t));
+            let (here, there) = (a.at(s), b.at(t));
             let level = here.horizontal_distance_m(there) / SEPARATION.horizontal_m;
             level.max(here.vertical_distance_m(there) / SEPARATION.vertical_m)
         };

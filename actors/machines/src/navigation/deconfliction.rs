@@ -31,6 +31,15 @@ struct Announcement {
     path: Path,
     share: f64,
     has_priority: bool,
+    /// The tracked place, while the path leads there from elsewhere.
+    joins: Option<Ned>,
+}
+
+impl Announcement {
+    /// Where the drone was when it looked last.
+    fn place(&self) -> Ned {
+        self.path.at(self.share)
+    }
 }
 
 /// Deconfliction of a drone with those near it that announce their intents.
@@ -106,6 +115,7 @@ impl Deconfliction {
             path,
             share: 0.0,
             has_priority,
+            joins: None,
         });
         self.next_progress = path
             .filter(|path| path.from != path.to)
@@ -169,40 +179,65 @@ impl Deconfliction {
         let Some(announced) = self.announced.as_mut() else {
             return;
         };
-        let along = (announced.path.to - announced.path.from).0;
-        let length_m = along.norm();
-        if length_m <= 0.0 || self.next_progress.is_some_and(|at| at > now) {
+        let is_stationary = announced.path.from == announced.path.to;
+        if is_stationary || self.next_progress.is_some_and(|at| at > now) {
             return;
         }
-        let share = (place - announced.path.from).0.dot(&along) / (length_m * length_m);
-        announced.share = announced.share.max(share.clamp(0.0, 1.0));
+        announced.share = announced.share.max(announced.path.share_nearest(place));
         self.next_progress = Some(now + PROGRESS_INTERVAL);
         self.send_intent(false, outbox);
     }
 
-    /// Announces the path of a tracked place within `hold`.
+    /// Announces the path of a tracked place within `hold`. While the drone is elsewhere, the path begins where it is.
     pub(super) fn announce_track(
         &mut self,
-        to: Ned,
-        velocity: Velocity,
-        hold: Duration,
+        now: Timestamp,
+        (to, velocity, hold): (Ned, Velocity, Duration),
         outbox: &mut Outbox<Transmit, Event>,
     ) {
         if self.traffic.is_none() {
             return;
         }
-        let was_tracking = self.announced.is_some_and(|it| it.has_priority);
+        let before = self.announced;
+        let joins_from = before
+            .filter(|it| it.joins.is_some() || it.path.distance_m(to) > SAME_M)
+            .map(|it| it.place());
         let ahead = velocity.0 * hold.as_secs_f64();
         self.announced = Some(Announcement {
             path: Path {
-                from: to,
+                from: joins_from.unwrap_or(to),
                 to: Ned(to.0 + ahead),
             },
             share: 0.0,
             has_priority: true,
+            joins: joins_from.map(|_| to),
         });
-        self.next_progress = None;
-        self.send_intent(!was_tracking, outbox);
+        self.next_progress = joins_from.and(self.next_progress.or(Some(now + PROGRESS_INTERVAL)));
+        let is_known =
+            before.is_some_and(|it| it.has_priority && it.joins.is_some() >= joins_from.is_some());
+        self.send_intent(!is_known, outbox);
+    }
+
+    /// Announces the rest of the path to a tracked place; `place` is where the drone is.
+    pub(super) fn announce_joining(
+        &mut self,
+        now: Timestamp,
+        place: Ned,
+        outbox: &mut Outbox<Transmit, Event>,
+    ) {
+        let is_due = self.next_progress.is_none_or(|at| at <= now);
+        let Some(announced) = self.announced.as_mut().filter(|_| is_due) else {
+            return;
+        };
+        let Some(to) = announced.joins else {
+            return;
+        };
+        let tracked = Path::new(to, announced.path.to);
+        let has_joined = tracked.distance_m(place) <= SAME_M;
+        announced.path.from = if has_joined { to } else { place };
+        announced.joins = (!has_joined).then_some(to);
+        self.next_progress = (!has_joined).then_some(now + PROGRESS_INTERVAL);
+        self.send_intent(false, outbox);
     }
 
     /// Sends the announced intent, unless traffic is ignored.
@@ -244,13 +279,8 @@ impl Deconfliction {
     /// Whether the rest of the announced path must give way to another drone.
     fn is_blocked(&self, now: Timestamp) -> bool {
         self.announced.is_some_and(|announced| {
-            let from = Ned(announced
-                .path
-                .from
-                .0
-                .lerp(&announced.path.to.0, announced.share));
             let rest = Path {
-                from,
+                from: announced.place(),
                 ..announced.path
             };
             !announced.has_priority && self.must_give_way(now, rest, announced.path)

@@ -143,7 +143,7 @@ impl Navigation {
         self.durable.goal = Some(goal);
         self.track_expires_at = Some(now + hold * TRACK_EXPIRY_HOLDS);
         self.set_progress(Progress::Flying(VecDeque::new()));
-        (self.deconfliction).announce_track(to, velocity, hold, &mut self.outbox);
+        (self.deconfliction).announce_track(now, (to, velocity, hold), &mut self.outbox);
         self.command(FlightCommand::Fly(Setpoint::Track {
             to,
             velocity,
@@ -259,7 +259,10 @@ impl Navigation {
             Progress::Done => {}
             Progress::Planning => self.plan_legs(now, goal, telemetry),
             Progress::Flying(_) if goal == Goal::Land => self.monitor_landing(now, telemetry),
-            Progress::Flying(_) if matches!(goal, Goal::Track { .. } | Goal::Yield) => {}
+            Progress::Flying(_) if matches!(goal, Goal::Track { .. }) => {
+                (self.deconfliction).announce_joining(now, telemetry.position, &mut self.outbox);
+            }
+            Progress::Flying(_) if goal == Goal::Yield => {}
             Progress::Flying(corners) => self.monitor_legs(now, goal, corners, telemetry),
         }
     }

@@ -58,9 +58,11 @@ impl Intent {
 
     /// Remaining path, in metres.
     pub(super) fn remaining(self) -> Path {
-        let Path { from, to } = self.path();
-        let from = Ned(from.0.lerp(&to.0, f64::from(self.flown) / PROGRESS_STEPS));
-        Path { from, to }
+        let path = self.path();
+        Path {
+            from: path.at(f64::from(self.flown) / PROGRESS_STEPS),
+            ..path
+        }
     }
 }
 

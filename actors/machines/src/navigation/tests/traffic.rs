@@ -304,6 +304,40 @@ fn following_drone_announces_its_path_until_the_track_expires() {
 }
 
 #[test]
+fn drone_far_from_its_tracked_place_announces_the_way_there_until_it_arrives() {
+    let mut navigation = avoiding();
+    let start = Ned::new(0.0, 300.0, -25.0);
+    handle(&mut navigation, Input::Goal(fly_to(start)));
+    handle(&mut navigation, at_rest_at(start));
+    let Goal::Track {
+        to, velocity, hold, ..
+    } = MOVING
+    else {
+        panic!("a tracking goal");
+    };
+    let ahead = Ned(to.0 + velocity.0 * hold.as_secs_f64());
+    let announced = |from, immediately| {
+        let intent = Intent::of(Path::new(from, ahead), 0.0, true);
+        announces(intent, immediately)
+    };
+    for immediately in [true, false] {
+        let output = handle(&mut navigation, Input::Goal(MOVING));
+        assert_eq!(output[0], announced(start, immediately));
+    }
+    let halfway = Path::new(start, ahead).at(0.5);
+    for (time_s, place, from) in [(1, halfway, halfway), (2, ahead, to)] {
+        let now = Timestamp::ZERO + Duration::from_secs(time_s);
+        handle_at(&mut navigation, now, Input::Goal(MOVING));
+        let due = step_at(&mut navigation, now, Stimulus::Timeout);
+        assert_eq!(due, [REPORT]);
+        let output = handle_at(&mut navigation, now, at_rest_at(place));
+        assert_eq!(output, [announced(from, false)]);
+    }
+    let output = handle(&mut navigation, Input::Goal(MOVING));
+    assert_eq!(output[0], announced(to, false));
+}
+
+#[test]
 fn drone_under_manual_control_withdraws_its_intent() {
     let mut navigation = avoiding();
     let place = Ned::new(0.0, 0.0, -25.0);
