@@ -77,6 +77,10 @@ impl Mission {
         };
         if let Some(checkpoint) = checkpoint {
             mission.durable = checkpoint;
+            if let Some(lead) = &mut mission.durable.lead {
+                // The routing repeats who is silent, not who has returned meanwhile.
+                lead.silent = NodeSet::default();
+            }
             if mission.is_on_task() {
                 // The newest order, which the routing repeats, has the others.
                 mission.drones_on_task = mission.config.id.into();

@@ -98,6 +98,9 @@ impl Mission {
         if let Some(lead) = &mut self.durable.lead {
             // The restarted routing starts every member's time to live anew.
             lead.silent = NodeSet::default();
+        } else if self.leader() != Some(self.config.id) {
+            // It looks for a silent master anew, and does not tell of one that has returned.
+            (self.master_silent, self.master_lands) = (None, false);
         }
         self.send_acknowledgement();
         match self.durable.state {

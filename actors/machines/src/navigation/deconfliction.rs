@@ -251,17 +251,18 @@ impl Deconfliction {
         }
     }
 
-    /// Updates the intent of another drone; returns whether telemetry is needed to check the own path.
+    /// Updates the intent of another drone, with the time when it was heard. Returns whether telemetry is needed to check
+    /// the own path.
     pub(super) fn update_traffic(
         &mut self,
         now: Timestamp,
         id: NodeId,
-        intent: Option<Intent>,
+        (intent, heard_at): (Option<Intent>, Timestamp),
     ) -> bool {
         let Some(traffic) = &mut self.traffic else {
             return false;
         };
-        let is_changed = traffic.update(now, id, intent);
+        let is_changed = traffic.update(heard_at, id, intent);
         let here = self.announced.map(|it| it.path.to);
         let is_below = here.is_some_and(|here| traffic.is_above(id, here)) && self.is_standing();
         // A drone that was forgotten blocks the path again even with an unchanged intent.

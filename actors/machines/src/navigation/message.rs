@@ -5,6 +5,7 @@ use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::indoor;
 use crate::msp::{FlightCommand, LandingCause, Telemetry};
+use crate::time::Timestamp;
 use crate::traffic::Intent;
 
 /// Input of a navigation.
@@ -22,6 +23,8 @@ pub enum Input {
         sender: NodeId,
         /// Its intent; `None` if it no longer announces one.
         intent: Option<Intent>,
+        /// When the radio heard it.
+        heard_at: Timestamp,
     },
     /// From the routing: neighbours that are heard, and that may not hear this drone.
     Deaf(NodeSet),

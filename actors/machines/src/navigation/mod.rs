@@ -8,9 +8,9 @@ mod health;
 mod host;
 mod landing;
 mod message;
+mod tracking;
 
 use std::collections::VecDeque;
-use std::time::Duration;
 
 pub use self::config::Config;
 pub use self::fence::{Area, Fence, Polygon, PolygonError, Zone};
@@ -23,15 +23,12 @@ use self::goal::ARRIVAL_RADIUS_M;
 use self::health::HealthMonitor;
 use self::host::Host;
 use crate::formation::Path;
-use crate::geometry::{Ned, Velocity};
+use crate::geometry::Ned;
 use crate::identity::NodeId;
 use crate::indoor::Indoor;
 use crate::machine::{Machine, Outbox, Output, Stimulus};
-use crate::msp::{FlightCommand, Setpoint, Telemetry};
+use crate::msp::{FlightCommand, Telemetry};
 use crate::time::Timestamp;
-
-/// Multiple of [`Goal::Track`]'s `hold` after which a tracked place expires.
-const TRACK_EXPIRY_HOLDS: u32 = 2;
 
 /// Navigation of one drone.
 #[derive(Debug)]
@@ -44,6 +41,8 @@ pub struct Navigation {
     hold_commanded_m: Option<f64>,
     /// Expiry of the tracked place.
     track_expires_at: Option<Timestamp>,
+    /// Whether it goes on from a checkpoint, and has seen no telemetry since.
+    is_restored: bool,
     health: HealthMonitor,
     deconfliction: Deconfliction,
     /// `None` without a map.
@@ -64,6 +63,7 @@ impl Navigation {
             position_requested: false,
             hold_commanded_m: None,
             track_expires_at: None,
+            is_restored: false,
             health: HealthMonitor::default(),
             indoor: None,
             outbox: Outbox::new(),
@@ -71,6 +71,7 @@ impl Navigation {
         match checkpoint {
             Some(checkpoint) => {
                 navigation.durable = checkpoint;
+                navigation.is_restored = true;
                 navigation.reset_deconfliction(Timestamp::ZERO);
                 navigation.inform(Notice::Resync);
                 if !navigation.deconfliction.ignores_traffic() {
@@ -133,26 +134,6 @@ impl Navigation {
         self.deconfliction.reset(now, in_lockstep);
     }
 
-    /// Tracks a moving place, which needs no legs.
-    fn track(
-        &mut self,
-        now: Timestamp,
-        goal: Goal,
-        (to, velocity, hold): (Ned, Velocity, Duration),
-    ) {
-        self.durable.goal = Some(goal);
-        self.track_expires_at = Some(now + hold * TRACK_EXPIRY_HOLDS);
-        self.set_progress(Progress::Flying(VecDeque::new()));
-        (self.deconfliction).announce_track(now, (to, velocity, hold), &mut self.outbox);
-        self.command(FlightCommand::Fly(Setpoint::Track {
-            to,
-            velocity,
-            speed_mps: self.config.speed_mps,
-            acceleration_mps2: self.config.acceleration_mps2,
-            hold,
-        }));
-    }
-
     fn inform_done(&mut self, goal: Goal) {
         self.inform(if goal == Goal::Land {
             Notice::Landed
@@ -168,6 +149,7 @@ impl Navigation {
                 velocity: telemetry.velocity,
             });
         }
+        self.resume_tracking(now);
         self.apply_failsafe(now, telemetry);
         let is_landing = telemetry.landing || self.durable.goal == Some(Goal::Land);
         if is_landing || !self.health.is_position_lost() {
@@ -439,8 +421,13 @@ impl Machine for Navigation {
                 self.command(FlightCommand::Report);
             }
             Input::Telemetry(telemetry) => self.handle_telemetry(now, &telemetry),
-            Input::Traffic { sender, intent } => {
-                let is_affected = self.deconfliction.update_traffic(now, sender, intent);
+            Input::Traffic {
+                sender,
+                intent,
+                heard_at,
+            } => {
+                let is_affected =
+                    (self.deconfliction).update_traffic(now, sender, (intent, heard_at));
                 self.check_path(is_affected);
             }
             Input::Deaf(deaf) => {

@@ -4,8 +4,9 @@ mod traffic;
 use std::time::Duration;
 
 use super::*;
+use crate::geometry::Velocity;
 use crate::machine::{Emitted, Stimulus, step};
-use crate::msp::LandingCause;
+use crate::msp::{LandingCause, Setpoint};
 
 const CONFIG: Config = Config {
     speed_mps: 10.0,
@@ -205,6 +206,24 @@ const MOVING: Goal = Goal::Track {
     velocity: Velocity::new(10.0, 0.0, 0.0),
     hold: Duration::from_secs(1),
 };
+
+#[test]
+fn tracked_place_expires_after_a_restart_too() {
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
+    handle(&mut navigation, Input::Goal(MOVING));
+    let checkpoint = navigation.durable.clone();
+    let mut restarted = Navigation::new(NodeId(0), CONFIG, Some(checkpoint));
+    let at = Timestamp::from_secs_f64;
+    let mut look = |time_s| {
+        step_at(&mut restarted, at(time_s), Stimulus::Timeout);
+        let here = at_rest_at(Ned::new(10.0, 0.0, 0.0));
+        step_at(&mut restarted, at(time_s), Stimulus::Input(here))
+    };
+    let hold = Transmit::FlightCommand(FlightCommand::Fly(CONFIG.hold(10.0)));
+    assert!(!look(1.0).contains(&hold));
+    assert!(!look(2.9).contains(&hold));
+    assert!(look(3.0).contains(&hold));
+}
 
 #[test]
 fn moving_place_is_tracked_immediately_and_never_reached() {

@@ -89,12 +89,15 @@ impl From<radio::Transmit> for Effect {
             },
             radio::Transmit::Locate { sender, source } => Self::LearnAddress { sender, source },
             radio::Transmit::KeepList(list) => Self::KeepList(list),
-            radio::Transmit::Traffic { sender, intent } => {
-                Self::Post(Envelope::Navigation(Box::new(navigation::Input::Traffic {
-                    sender,
-                    intent,
-                })))
-            }
+            radio::Transmit::Traffic {
+                sender,
+                intent,
+                heard_at,
+            } => Self::Post(Envelope::Navigation(Box::new(navigation::Input::Traffic {
+                sender,
+                intent,
+                heard_at,
+            }))),
             radio::Transmit::Resync => Self::Post(Envelope::Navigation(Box::new(
                 navigation::Input::ResendIntent,
             ))),

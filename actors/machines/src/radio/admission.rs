@@ -276,7 +276,7 @@ impl Admission {
     }
 
     /// Marks a verified frame as seen and charges its sender's bucket. For an unproven sender all earlier counters
-    /// count as seen.
+    /// count as seen. Returns whether it is the sender's newest frame.
     #[inline]
     pub fn admit(
         &mut self,
@@ -284,13 +284,15 @@ impl Admission {
         lookup: SenderLookup,
         header: &Header,
         source: Option<Source>,
-    ) {
+    ) -> bool {
         let sender = self.senders.at(lookup.at);
         sender.bucket.charge(now, &self.budget);
         match &mut sender.newest {
             Some(newest) if newest.incarnation == header.incarnation => {
                 newest.source = source;
+                let is_newest = header.counter > newest.counter;
                 newest.mark(header.counter);
+                is_newest
             }
             newest => {
                 *newest = Some(Newest {
@@ -299,6 +301,7 @@ impl Admission {
                     counter: header.counter,
                     seen: if lookup.is_proven() { ONLY_NEWEST } else { ALL },
                 });
+                true
             }
         }
     }

@@ -1,6 +1,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use super::Transmit;
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 use crate::traffic::Intent;
@@ -20,7 +21,7 @@ pub(super) const fn has_room_for_intent(payload: &[u8]) -> bool {
 #[derive(Debug, Default)]
 pub(super) struct Intents {
     own: Option<Intent>,
-    /// Intents of others, with the time when each was last passed on.
+    /// Intents of others, with the time when each was last passed on, after it was heard.
     others: BTreeMap<NodeId, (Intent, Timestamp)>,
 }
 
@@ -38,9 +39,13 @@ impl Intents {
         self.own.filter(|_| has_room_for_intent(payload))
     }
 
-    /// Last intents of other drones, however old.
-    pub(super) fn of_others(&self) -> impl Iterator<Item = (NodeId, Intent)> {
-        self.others.iter().map(|(id, (intent, _))| (*id, *intent))
+    /// Last intents of other drones for the navigation, however old, with the time when each was last passed on.
+    pub(super) fn of_others(&self) -> impl Iterator<Item = Transmit> {
+        (self.others.iter()).map(|(sender, (intent, at))| Transmit::Traffic {
+            sender: *sender,
+            intent: Some(*intent),
+            heard_at: *at,
+        })
     }
 
     /// Updates the intent of another drone. Returns whether to pass it on: it changed, or was not passed on for a while.

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Checkpoint, DropReason, Revoked};
 use crate::identity::{Ballot, NodeId};
+use crate::time::Timestamp;
 use crate::traffic::Intent;
 #[cfg(doc)]
 use crate::wire::PAYLOAD_MAX;
@@ -92,6 +93,8 @@ pub enum Transmit {
         sender: NodeId,
         /// The intent; `None` if it no longer announces one.
         intent: Option<Intent>,
+        /// When it was heard.
+        heard_at: Timestamp,
     },
     /// To the navigation after a restart: repeat the intent.
     Resync,

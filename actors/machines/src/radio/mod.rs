@@ -204,14 +204,15 @@ impl<A: Authenticator> Radio<A> {
             self.handle_unproven_sender(now, lookup, sender);
             return Ok(());
         }
-        self.admission.admit(now, lookup, &header, source);
+        let is_newest = self.admission.admit(now, lookup, &header, source);
         if let (false, Some(challenger)) = (lookup.is_proven(), &mut self.challenger) {
             challenger.record_proof(sender);
         }
         if let Some(source) = source {
             self.outbox.transmit(Transmit::Locate { sender, source });
         }
-        if has_room_for_intent(frame.payload) {
+        // A late frame has an old intent.
+        if is_newest && has_room_for_intent(frame.payload) {
             self.handle_intent(now, sender, header.intent);
         }
         if let Some(packet) = packet {
@@ -323,7 +324,11 @@ impl<A: Authenticator> Radio<A> {
 
     fn handle_intent(&mut self, now: Timestamp, sender: NodeId, intent: Option<Intent>) {
         if self.intents.update(now, sender, intent) {
-            self.outbox.transmit(Transmit::Traffic { sender, intent });
+            self.outbox.transmit(Transmit::Traffic {
+                sender,
+                intent,
+                heard_at: now,
+            });
         }
     }
 
@@ -447,9 +452,8 @@ impl<A: Authenticator> Machine for Radio<A> {
                 }
             }
             Input::ResendTraffic => {
-                for (sender, intent) in self.intents.of_others() {
-                    let intent = Some(intent);
-                    self.outbox.transmit(Transmit::Traffic { sender, intent });
+                for traffic in self.intents.of_others() {
+                    self.outbox.transmit(traffic);
                 }
             }
             Input::Delivery {

@@ -413,7 +413,7 @@ fn intent_is_sent_immediately_and_in_every_frame() {
     let traffic = |receiver: &mut _, now_ms: u64, frame: &Bytes| {
         let (transmits, _) = handle(receiver, now_ms, received(frame, None));
         transmits.into_iter().find_map(|it| match it {
-            Transmit::Traffic { sender, intent } => Some((sender, intent)),
+            Transmit::Traffic { sender, intent, .. } => Some((sender, intent)),
             _ => None,
         })
     };
@@ -435,6 +435,7 @@ fn intent_is_sent_immediately_and_in_every_frame() {
     let again = Transmit::Traffic {
         sender: NodeId(0),
         intent: Some(farther),
+        heard_at: Timestamp::from_nanos(700_000_000),
     };
     let asked = handle(&mut receiver, 750, Input::ResendTraffic).0;
     assert_eq!(asked, [again], "for a restarted navigation");
@@ -443,6 +444,28 @@ fn intent_is_sent_immediately_and_in_every_frame() {
         Some((NodeId(0), None))
     );
     assert_eq!(handle(&mut receiver, 850, Input::ResendTraffic).0, []);
+}
+
+#[test]
+fn late_frame_brings_no_old_intent_back() {
+    let intent = |north_dm| Intent {
+        from_dm: [0, 0, -300],
+        to_dm: [north_dm, 0, -300],
+        flown: 0,
+        has_priority: false,
+    };
+    let (mut sender, mut receiver) = (radio(0), radio(1));
+    let [old, new] = [intent(0), intent(600)].map(|intent| {
+        let announced = Input::AnnounceIntent {
+            intent: Some(intent),
+            immediately: true,
+        };
+        frames(handle(&mut sender, 0, announced).0).remove(0)
+    });
+    let is_traffic = |it: &Transmit| matches!(it, Transmit::Traffic { .. });
+    let [first, late] = [new, old].map(|frame| handle(&mut receiver, 0, received(&frame, None)).0);
+    assert!(first.iter().any(is_traffic));
+    assert!(!late.iter().any(is_traffic));
 }
 
 #[test]

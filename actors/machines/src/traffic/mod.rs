@@ -142,8 +142,8 @@ impl Traffic {
         now.since(at) > self.config.silent_after()
     }
 
-    /// Updates or removes the intent of another drone; returns whether it changed.
-    pub(crate) fn update(&mut self, now: Timestamp, id: NodeId, intent: Option<Intent>) -> bool {
+    /// Updates or removes the intent of another drone, heard at `at`; returns whether it changed.
+    pub(crate) fn update(&mut self, at: Timestamp, id: NodeId, intent: Option<Intent>) -> bool {
         let Some(intent) = intent else {
             return self.others.remove(&id).is_some();
         };
@@ -151,7 +151,7 @@ impl Traffic {
             intent,
             space: OccupiedSpace::of(intent),
             lands: intent.lands(),
-            at: now,
+            at,
         };
         let before = self.others.insert(id, announced);
         before.is_none_or(|before| before.intent != intent)

@@ -67,3 +67,36 @@ fn restarted_routing_gets_leader_order_and_landing_again() {
     let transmits = notify(&mut member, 61.0, RoutingNotice::Resync);
     assert!(transmits.contains(&Transmit::Stop));
 }
+
+#[test]
+fn member_that_returned_while_the_mission_was_down_is_awaited() {
+    let mut master = master_taking_off();
+    notify(&mut master, 19.1, RoutingNotice::Silent(NodeId(2).into()));
+    let checkpoint = master.durable.clone();
+    // The notice that drone 2 has returned is lost. The routing repeats who is silent: nobody.
+    let mut restarted = Mission::new(config(1, Liveness::Heartbeat), Some(checkpoint));
+    stimulate(&mut restarted, 19.5, Stimulus::Timeout);
+    notify(&mut restarted, 19.5, progress(0, 2));
+    let transmits = arrive(&mut restarted, 20.0);
+    assert!(
+        !transmits.contains(&Transmit::Discover),
+        "drone 2 still takes off"
+    );
+}
+
+#[test]
+fn master_that_returned_while_the_routing_was_down_is_believed() {
+    let mut config = config(0, Liveness::Heartbeat);
+    config.succession = Succession::Elect;
+    config.spreading_grace = 30 * SECOND;
+    let mut member = Mission::new(config, None);
+    deliver(&mut member, 1, &complete_plan());
+    notify(&mut member, 5.0, RoutingNotice::MasterSilent);
+    // The restarted routing hears the master, and knows of no silence that it could take back.
+    notify(&mut member, 6.0, RoutingNotice::Resync);
+    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
+    assert_eq!(member.durable.state, State::TakingOff);
+    let (transmits, _) = stimulate(&mut member, 36.0, Stimulus::Timeout);
+    let claims = |it: &Transmit| matches!(it, Transmit::Lead(_));
+    assert!(!transmits.iter().any(claims));
+}

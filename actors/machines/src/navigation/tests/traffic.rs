@@ -56,11 +56,17 @@ fn announces(intent: Intent, immediately: bool) -> Transmit {
 }
 
 fn traffic(navigation: &mut Navigation, id: u32, from: Ned, to: Ned) -> Vec<Transmit> {
-    let traffic = Input::Traffic {
+    let intent = Intent::of(Path { from, to }, 0.0, false);
+    handle(navigation, heard(Timestamp::ZERO, id, intent))
+}
+
+/// The intent of another drone, heard at a time.
+fn heard(heard_at: Timestamp, id: u32, intent: Intent) -> Input {
+    Input::Traffic {
         sender: NodeId(id),
-        intent: Some(Intent::of(Path { from, to }, 0.0, false)),
-    };
-    handle(navigation, traffic)
+        intent: Some(intent),
+        heard_at,
+    }
 }
 
 const REPORT: Transmit = Transmit::FlightCommand(FlightCommand::Report);
@@ -272,6 +278,19 @@ fn drone_without_position_climbs_once_no_drone_is_above() {
         ))),
         "{output:?}"
     );
+}
+
+#[test]
+fn restarted_navigation_knows_how_long_others_have_been_silent() {
+    // Drone 2 may be coming down on the path. Drone 3, farther away, is heard.
+    let (above, far) = (Ned::new(30.0, 0.0, -40.0), Ned::new(200.0, 0.0, -20.0));
+    let path = Path::new(Ned::new(0.0, 0.0, -20.0), Ned::new(60.0, 0.0, -20.0));
+    let (silent_since, now) = (Timestamp::ZERO, Timestamp::from_secs_f64(5.0));
+    let stands = |place| Intent::of(Path::stationary(place), 0.0, false);
+    let mut restarted = avoiding_within(None, Some(Checkpoint::default()));
+    handle_at(&mut restarted, now, heard(silent_since, 2, stands(above)));
+    handle_at(&mut restarted, now, heard(now, 3, stands(far)));
+    assert!(!restarted.deconfliction.is_clear(now, path));
 }
 
 #[test]

@@ -5,6 +5,7 @@ use std::time::Duration;
 use bytes::Bytes;
 
 use super::limits::{FLOOD_JITTER, FRAME_LIFETIME_MAX};
+use super::nodes::Node;
 use super::queue::{Entry, FrameId, Reach, Report};
 use super::{Context, Messages, Outcome};
 use crate::identity::{NodeId, NodeSet};
@@ -199,14 +200,17 @@ impl Messages {
                 if *acknowledge {
                     self.inbox.owe_receipt(frame.origin, message, cx.now);
                 }
-                self.deliver_once(cx, frame.origin, message, payload.clone());
+                self.deliver_once(cx, frame.origin, payload.clone(), |origin| {
+                    origin.whole.insert(message.0, message.1)
+                });
             }
             MessageBody::Piece {
                 index,
                 length,
                 payload,
             } => {
-                if self.is_delivered(frame.origin, message) {
+                let origin = self.nodes.get(frame.origin);
+                if origin.is_some_and(|it| it.large.contains(message.0, message.1)) {
                     (self.inbox).owe_completion(frame.origin, message, *length, cx.now);
                     return;
                 }
@@ -214,7 +218,9 @@ impl Messages {
                 let complete =
                     (self.inbox).add_piece(frame.origin, message, piece, payload, cx.now);
                 if let Some(payload) = complete {
-                    self.deliver_once(cx, frame.origin, message, payload);
+                    self.deliver_once(cx, frame.origin, payload, |origin| {
+                        origin.large.insert(message.0, message.1)
+                    });
                 }
             }
             MessageBody::Receipt {
@@ -244,23 +250,15 @@ impl Messages {
         }
     }
 
-    fn is_delivered(&self, origin: NodeId, (session, message): (u32, u32)) -> bool {
-        let origin = self.nodes.get(origin);
-        origin.is_some_and(|it| it.messages.contains(session, message))
-    }
-
+    /// Delivers a message of `from` to the protocol, unless `record` says that it was delivered before.
     fn deliver_once(
         &mut self,
         cx: &mut Context<'_>,
         from: NodeId,
-        message: (u32, u32),
         payload: Bytes,
+        record: impl FnOnce(&mut Node) -> bool,
     ) {
-        if self.is_delivered(from, message) {
-            return;
-        }
-        if let Some(origin) = self.nodes.entry(from, cx.now) {
-            origin.messages.insert(message.0, message.1);
+        if self.nodes.entry(from, cx.now).is_some_and(record) {
             cx.shared.notify(Notice::Message { from, payload });
         }
     }

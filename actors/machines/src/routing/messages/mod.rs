@@ -199,7 +199,7 @@ impl Messages {
         while self.queue.has_room(self.id) {
             let nodes = &self.nodes;
             let before = |origin, (session, message)| {
-                let seen = nodes.get(origin).map(|node| &node.messages);
+                let seen = nodes.get(origin).map(|node| &node.whole);
                 seen.map_or(0, |seen| seen.before(session, message))
             };
             let Some((origin, body)) = self.inbox.take_due(cx.now, before) else {

@@ -13,8 +13,10 @@ use crate::time::Timestamp;
 pub(super) struct Node {
     /// Numbers of its frames that were accepted.
     pub(super) frames: Seen,
-    /// Numbers of its messages that were delivered to this drone's protocol.
-    pub(super) messages: Seen,
+    /// Numbers of its whole messages that were delivered to this drone's protocol.
+    pub(super) whole: Seen,
+    /// The same of its large messages. They live far longer, while many whole ones are numbered.
+    pub(super) large: Seen,
     budget: TokenBucket,
     /// The neighbour that last passed on a frame of it, and when.
     route: Option<(NodeId, Timestamp)>,
@@ -37,7 +39,8 @@ impl Nodes {
         }
         let node = self.0.entry(id).or_insert_with(|| Node {
             frames: Seen::default(),
-            messages: Seen::default(),
+            whole: Seen::default(),
+            large: Seen::default(),
             budget: TokenBucket::FULL,
             route: None,
             heard_at: None,

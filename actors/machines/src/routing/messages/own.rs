@@ -74,17 +74,24 @@ impl Own {
         self.waiting.len() + self.unacknowledged.len() + usize::from(self.transfer.is_some())
     }
 
-    /// Adds a message. If there is no room, the oldest best-effort message that waits is dropped, otherwise the new
-    /// one. Returns the dropped messages.
+    /// Adds a message. If there is no room, the oldest best-effort messages that wait are dropped, or only the new one if
+    /// that makes no room. Returns the dropped messages.
     pub(super) fn submit(&mut self, now: Timestamp, outgoing: Outgoing) -> Vec<u32> {
         let mut dropped = Vec::new();
         let bytes = outgoing.payload.len();
-        let is_acknowledged = |it: &Waiting| it.outgoing.is_acknowledged();
+        let is_best_effort = |it: &&Waiting| !it.outgoing.is_acknowledged();
+        let best_effort = || self.waiting.iter().filter(is_best_effort);
+        let best_effort_bytes: usize = best_effort().map(|it| it.outgoing.payload.len()).sum();
+        if self.len() - best_effort().count() >= QUEUE_MAX
+            || self.bytes - best_effort_bytes + bytes > QUEUE_BYTES_MAX
+        {
+            dropped.push(outgoing.id);
+            return dropped;
+        }
         while self.len() >= QUEUE_MAX || self.bytes + bytes > QUEUE_BYTES_MAX {
-            let oldest = self.waiting.iter().position(|it| !is_acknowledged(it));
+            let oldest = self.waiting.iter().position(|it| is_best_effort(&it));
             let Some(oldest) = oldest.and_then(|at| self.waiting.remove(at)) else {
-                dropped.push(outgoing.id);
-                return dropped;
+                break;
             };
             self.bytes -= oldest.outgoing.payload.len();
             dropped.push(oldest.outgoing.id);

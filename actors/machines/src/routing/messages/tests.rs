@@ -147,3 +147,83 @@ fn pure_relay_passes_messages_on_and_gets_none() {
     let refused = Outcome::Dropped(DropReason::UnknownDrone);
     assert!(is_outcome(&net, 0, &[(3, refused)]));
 }
+
+#[test]
+fn large_message_arrives_however_many_small_ones_are_sent_meanwhile() {
+    let mut net = Net::line(2, 1, tree_config, 77);
+    let large: Vec<u8> = (0..200_000_u32).map(|it| it as u8).collect();
+    net.send(1, 0, Destination::Leader, &large);
+    for id in 1..=1_600 {
+        net.submit(
+            1,
+            id,
+            Destination::Leader,
+            Reliability::BestEffort,
+            b"position",
+        );
+        net.run(SECOND / 35);
+    }
+    net.run(60 * SECOND);
+    let is_large = |payload: &[u8]| payload == large;
+    let got = net.nodes[0].got.iter().filter(|(_, it, _)| is_large(it));
+    assert_eq!(got.count(), 1);
+    assert!(net.nodes[1].outcomes.contains(&(0, Outcome::Delivered)));
+}
+
+#[test]
+fn acknowledged_message_arrives_once_its_receiver_is_back_however_many_are_sent_meanwhile() {
+    // Drone 2 is cut off while 1 tells its neighbours something all the time.
+    let mut net = Net::line(3, 2, tree_config, 78);
+    let mut id = 0;
+    let mut tell_neighbours = |net: &mut Net, times: u32| {
+        for _ in 0..times {
+            id += 1;
+            net.submit(
+                1,
+                id,
+                Destination::Neighbours,
+                Reliability::BestEffort,
+                b"here",
+            );
+            net.run(SECOND / 45);
+        }
+    };
+    tell_neighbours(&mut net, 4);
+    let connect = |net: &mut Net, is_connected| {
+        net.connect(2, 0, is_connected);
+        net.connect(2, 1, is_connected);
+    };
+    connect(&mut net, false);
+    net.send(1, 1_000_000, Destination::Drone(NodeId(2)), b"come down");
+    tell_neighbours(&mut net, 1_152);
+    connect(&mut net, true);
+    tell_neighbours(&mut net, 450);
+    net.run(10 * SECOND);
+    let come_down = |payload: &[u8]| payload == b"come down";
+    let got = net.nodes[2].got.iter().filter(|(_, it, _)| come_down(it));
+    assert_eq!(got.count(), 1);
+    let outcomes = &net.nodes[1].outcomes;
+    assert!(outcomes.contains(&(1_000_000, Outcome::Delivered)));
+}
+
+#[test]
+fn message_that_is_refused_displaces_none() {
+    let mut own = own::Own::new();
+    let mut submit = |id, reliability, len: usize| {
+        let outgoing = Outgoing {
+            id,
+            to: Destination::Leader,
+            reliability,
+            payload: vec![0; len].into(),
+        };
+        own.submit(Timestamp::ZERO, outgoing)
+    };
+    let (acknowledged, best_effort) = (Reliability::Acknowledged, Reliability::BestEffort);
+    assert_eq!(submit(1, acknowledged, MESSAGE_MAX), []);
+    assert_eq!(submit(2, acknowledged, MESSAGE_MAX - 50_000), []);
+    for id in 10..40 {
+        assert_eq!(submit(id, best_effort, 1_000), []);
+    }
+    assert_eq!(submit(98, acknowledged, MESSAGE_MAX), [98]);
+    assert_eq!(submit(99, acknowledged, 49_000), Vec::from_iter(10..39));
+}

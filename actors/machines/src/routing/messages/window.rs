@@ -1,8 +1,8 @@
 //! Numbers that a drone has seen of another one.
 
-/// Number of numbers behind the highest that are told apart; older ones count as seen. A drone numbers less frames
-/// while one of them lives.
-const WINDOW: u32 = 1_024;
+/// Number of numbers behind the highest that are told apart; older ones count as seen. A drone numbers fewer frames, or
+/// messages, while a frame or a whole message lives: 40 messages a second for some 40 s.
+const WINDOW: u32 = 2_048;
 
 /// The numbers that were seen in one session.
 ///
@@ -66,15 +66,20 @@ impl Seen {
         self.find(session).is_some_and(|it| it.contains(number))
     }
 
-    /// Records a number.
-    pub(super) fn insert(&mut self, session: u32, number: u32) {
+    /// Records a number. Returns whether it is new: neither seen nor too old to tell.
+    pub(super) fn insert(&mut self, session: u32, number: u32) -> bool {
         if let Some(known) = self.sessions.iter_mut().find(|it| it.session == session) {
-            return known.insert(number);
+            let is_new = !known.contains(number);
+            if is_new {
+                known.insert(number);
+            }
+            return is_new;
         }
         let mut new = Session::new(session);
         new.insert(number);
         self.sessions.insert(0, new);
         self.sessions.truncate(2);
+        true
     }
 
     /// The 32 numbers before `number`: bit i stands for `number` − 1 − i.

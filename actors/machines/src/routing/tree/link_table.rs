@@ -83,6 +83,7 @@ impl LinkTable {
             (report.hops, report.cost, report.parent, report.by_parent)
                 == (header.hops, header.cost, header.parent, sender.is_parent)
                 && link.body == body
+                && !body.is_empty()
         })
     }
 

@@ -234,6 +234,36 @@ fn frames_of_unknown_nodes_are_ignored() {
 }
 
 #[test]
+fn frame_without_a_body_is_ignored() {
+    let mut node = Node::placed(1, 0, 1, &[]);
+    let receive = |node: &mut Node, ballot, payload: Bytes| {
+        node.input(Input::Received {
+            sender: NodeId(2),
+            ballot,
+            payload,
+        });
+    };
+    // A frame of a worse ballot leaves an entry without a body.
+    let worse = Ballot {
+        term: 0,
+        rank: 9,
+        master: NodeId(3),
+    };
+    let frame = |number, heartbeat| Tree {
+        number,
+        heartbeat,
+        ..Tree::default()
+    };
+    receive(&mut node, worse, wire::encode_tree(&frame(1, 0)).into());
+    let whole = wire::encode_tree(&frame(2, 77));
+    let (_, body) = wire::split_tree(&whole).unwrap();
+    let header = Bytes::copy_from_slice(&whole[..whole.len() - body.len()]);
+    let before = node.routing.shared.durable.heartbeats.master;
+    receive(&mut node, MASTER, header);
+    assert_eq!(node.routing.shared.durable.heartbeats.master, before);
+}
+
+#[test]
 fn neighbour_that_does_not_list_this_drone_is_deaf_until_it_does() {
     let mut master = Node::new(0);
     master.input(Input::Lead(MASTER));

@@ -44,11 +44,7 @@ fn still_below(navigation: &mut Navigation, now: Timestamp) {
         from: BELOW,
         to: BELOW,
     };
-    let input = Input::Traffic {
-        sender: NodeId(2),
-        intent: Some(Intent::of(path, 0.0, false)),
-    };
-    handle_at(navigation, now, input);
+    handle_at(navigation, now, heard(now, 2, Intent::of(path, 0.0, false)));
 }
 
 #[test]
@@ -76,12 +72,9 @@ fn drone_lands_beside_traffic_that_stays_below() {
 fn drone_does_not_land_beside_traffic_that_passes_below() {
     let mut navigation = waiting_to_land();
     let far = Ned::new(0.0, 90.0, -10.0);
-    let passing = Input::Traffic {
-        sender: NodeId(2),
-        intent: Some(Intent::of(Path::new(BELOW, far), 0.0, false)),
-    };
+    let passing = Intent::of(Path::new(BELOW, far), 0.0, false);
     let due = Timestamp::ZERO + DETOUR_AFTER;
-    handle_at(&mut navigation, due, passing);
+    handle_at(&mut navigation, due, heard(due, 2, passing));
     let output = handle_at(&mut navigation, due, at_rest_at(LANDING));
     assert!(!lands(&output));
     assert!(
@@ -93,11 +86,8 @@ fn drone_does_not_land_beside_traffic_that_passes_below() {
 #[test]
 fn drone_to_land_below_one_that_comes_down_flies_aside_first() {
     let mut navigation = avoiding();
-    let above = Input::Traffic {
-        sender: NodeId(2),
-        intent: Some(descent(Ned::new(0.0, 1.0, -40.0))),
-    };
-    handle(&mut navigation, above);
+    let above = descent(Ned::new(0.0, 1.0, -40.0));
+    handle(&mut navigation, heard(Timestamp::ZERO, 2, above));
     handle(&mut navigation, Input::Goal(Goal::Land));
     let output = handle(&mut navigation, at_rest_at(LANDING));
     let side = leg(&output[1..]).0;

@@ -22,10 +22,7 @@ fn standing_within(fence: Option<Fence>) -> Navigation {
 
 fn announces_descent(from: Ned) -> Input {
     let descent = Path::new(from, from.at_altitude(0.0));
-    Input::Traffic {
-        sender: NodeId(2),
-        intent: Some(Intent::of(descent, 0.0, true)),
-    }
+    heard(Timestamp::ZERO, 2, Intent::of(descent, 0.0, true))
 }
 
 #[test]
@@ -55,14 +52,8 @@ fn drone_below_one_that_falls_silent_flies_aside() {
     loop {
         now += PROGRESS_INTERVAL;
         assert!(now < Timestamp::ZERO + Duration::from_secs(5));
-        handle_at(
-            &mut navigation,
-            now,
-            Input::Traffic {
-                sender: NodeId(3),
-                intent: Some(Intent::of(Path::stationary(far), 0.0, false)),
-            },
-        );
+        let stands = Intent::of(Path::stationary(far), 0.0, false);
+        handle_at(&mut navigation, now, heard(now, 3, stands));
         assert_eq!(step_at(&mut navigation, now, Stimulus::Timeout), [REPORT]);
         let output = handle_at(&mut navigation, now, at_rest_at(HERE));
         if now <= Timestamp::ZERO + Duration::from_secs(3) {
