@@ -151,9 +151,9 @@ fn pure_relay_passes_messages_on_and_gets_none() {
 #[test]
 fn large_message_arrives_however_many_small_ones_are_sent_meanwhile() {
     let mut net = Net::line(2, 1, tree_config, 77);
-    let large: Vec<u8> = (0..200_000_u32).map(|it| it as u8).collect();
+    let large: Vec<u8> = (0..500_000_u32).map(|it| it as u8).collect();
     net.send(1, 0, Destination::Leader, &large);
-    for id in 1..=1_600 {
+    for id in 1..=3_200 {
         net.submit(
             1,
             id,
