@@ -3,12 +3,15 @@
 use std::fs;
 
 use muster_controller::{Config, Contact, FailsafeSettings, Procedure, Settings, Version};
+use muster_daemon::control::{ActorFault, ControlMessage};
+use muster_machines::node::Address;
 use muster_msp::Channel;
 use muster_scenarios::scenario;
 use serde_json::{Value, json};
 
 use super::fleet::{Fleet, Process, SCENARIO, assert_refused, replace};
 use super::flights::{common_ballot, others, state};
+use super::rc::start;
 use super::receiver::Receiver;
 use super::swarm::{complete_report, scenario_with, swarm, wait_until};
 
@@ -89,6 +92,22 @@ fn controller_of_a_killed_leader_lands_it_and_the_others_finish() {
     }
     let survivors: Vec<_> = others(&mut drones, LEADER).map(|(_, it)| &*it).collect();
     assert!(common_ballot(&survivors)["term"].as_u64() > Some(1));
+}
+
+#[test]
+fn drone_whose_link_failed_for_good_ends_once_its_controller_has_landed_it() {
+    let no_restart = ("[safety]", "[limits]\nmsp_restarts_max = 0\n\n[safety]");
+    let (fleet, receivers) = controlled(&[no_restart], |_| landing());
+    let mut drones: Vec<_> = (0..DRONES).map(|id| start(&fleet, id, &[])).collect();
+    let on_its_way = json!({ "State": { "MovingToWaypoint": { "waypoint": 1 } } });
+    drones[0].wait_for_mission(&on_its_way);
+    drones[0].control(&ControlMessage::Inject {
+        actor: Address::Msp,
+        fault: ActorFault::Crashes,
+    });
+    assert_eq!(drones[0].end(), Some(4));
+    let truth = receivers[0].truth();
+    assert!(!truth.is_armed && truth.contact == Contact::Ground);
 }
 
 /// Only its controller tells the new process that the drone flies.

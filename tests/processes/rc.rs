@@ -59,7 +59,7 @@ pub(super) fn disturb(folder: &Path) -> PathBuf {
     library
 }
 
-fn start(fleet: &Fleet, id: u32, environment: &[(&str, &Path)]) -> Process {
+pub(super) fn start(fleet: &Fleet, id: u32, environment: &[(&str, &Path)]) -> Process {
     let mut command = fleet.command(id);
     command.arg("--controlled").stdin(Stdio::piped());
     command.args((id == LEADER).then_some("--fly"));

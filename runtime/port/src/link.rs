@@ -98,6 +98,12 @@ impl Link {
         self.shared.inbox().is_armed()
     }
 
+    /// Whether the controller is disarmed: it told so several times in a row, so that one false status does not count.
+    #[must_use]
+    pub fn is_disarmed(&self) -> bool {
+        self.shared.inbox().is_disarmed()
+    }
+
     /// Stops RC at once; the controller's failsafe acts.
     pub fn release(&self) {
         self.shared.inbox().conversation.release();

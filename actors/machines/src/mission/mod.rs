@@ -156,13 +156,13 @@ impl Mission {
 
     /// Announces the landing to the others and descends on the spot. Nobody awaits it on the ground.
     fn announce_and_descend(&mut self, reason: LandingReason) {
-        self.durable.landing.reason.get_or_insert(reason);
         self.outbox.transmit(Transmit::Land);
         self.descend(reason);
     }
 
     /// Descends on the spot, without an announcement to the others.
     fn descend(&mut self, reason: LandingReason) {
+        self.durable.landing.reason.get_or_insert(reason);
         self.enter(State::Landing);
         self.outbox.event(Event::Landing(reason));
         self.durable.deadlines.limit = None;

@@ -17,6 +17,8 @@ pub(super) struct Piloted {
     pub(super) port: Port,
     /// Newest telemetry for the navigation.
     pub(super) telemetry: Telemetry,
+    /// As its last heartbeat said; `None` before the first.
+    pub(super) is_armed_by_heartbeat: Option<bool>,
 }
 
 /// Heartbeats of an autopilot that does not report a simulation, until that is a warning.
@@ -60,6 +62,7 @@ pub(super) fn open(config: &AutopilotConfig) -> io::Result<(Vehicle, PortEvents)
     let piloted = Piloted {
         port,
         telemetry: UNKNOWN,
+        is_armed_by_heartbeat: None,
     };
     Ok((Vehicle::Piloted(Box::new(piloted)), events))
 }

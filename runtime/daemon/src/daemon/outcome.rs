@@ -1,6 +1,6 @@
 //! How the drone's flight ends.
 
-use muster_machines::mission::LandingReason;
+use muster_machines::mission::{self, LandingReason};
 
 /// Why the drone lands, and whether its process may end.
 #[derive(Debug, Default)]
@@ -18,10 +18,11 @@ pub(super) struct Outcome {
 }
 
 impl Outcome {
-    /// `is_finished`: the journal says that the flight is over.
-    pub(super) fn new(is_finished: bool) -> Self {
+    /// What the journal says of the flight.
+    pub(super) fn of(mission: &mission::Checkpoint) -> Self {
         Self {
-            is_finished,
+            landing: mission.landing.reason,
+            is_finished: mission.state == mission::State::Finished,
             ..Self::default()
         }
     }
@@ -58,5 +59,23 @@ impl Outcome {
         // A mission that does not know that the drone flies is finished before the vehicle is on the ground.
         let is_over = self.is_finished || self.gave_up;
         self.is_abandoned || (is_over && !is_armed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn process_that_restarts_while_its_drone_lands_knows_why() {
+        let mut mission = mission::Checkpoint {
+            state: mission::State::Landing,
+            ..mission::Checkpoint::default()
+        };
+        assert_eq!(Outcome::of(&mission).landing(), None);
+        mission.landing.reason = Some(LandingReason::FlightTime);
+        let outcome = Outcome::of(&mission);
+        assert_eq!(outcome.landing(), Some(LandingReason::FlightTime));
+        assert!(!outcome.is_done(false));
     }
 }

@@ -163,6 +163,21 @@ fn as_on_the_ground(
     }
 }
 
+/// Whether a controller was armed, over its statuses.
+#[derive(Debug, Default)]
+pub(super) struct Arming {
+    was_armed: bool,
+}
+
+impl Arming {
+    /// Takes in whether the controller is armed now, or disarmed for sure. Returns whether it is being armed.
+    pub(super) const fn begins(&mut self, is_armed: bool, is_disarmed: bool) -> bool {
+        let begins = is_armed && !self.was_armed;
+        self.was_armed = (self.was_armed || is_armed) && !is_disarmed;
+        begins
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use muster_machines::identity::NodeId;
@@ -297,5 +312,23 @@ mod tests {
         assert_eq!(checker.granted(Some(Arc::new(changed()))), Stage::Bench);
         let why = refused.lock().expect("no panic").clone();
         assert!(why.expect("a refusal").contains("settings have changed"));
+    }
+
+    #[test]
+    fn each_arming_begins_once_whatever_a_single_false_status_says() {
+        let mut arming = Arming::default();
+        let statuses = [
+            (false, true),
+            (true, false),
+            (true, false),
+            (false, false),
+            (true, false),
+            (false, false),
+            (false, true),
+            (true, false),
+        ];
+        let begins = statuses.map(|(is_armed, is_disarmed)| arming.begins(is_armed, is_disarmed));
+        let expected = [false, true, false, false, false, false, false, true];
+        assert_eq!(begins, expected);
     }
 }

@@ -54,8 +54,9 @@ pub(super) struct State {
 
 impl State {
     pub(super) fn new(components: Components) -> Self {
-        let is_finished = components.checkpoints.iter().any(|checkpoint| {
-            matches!(checkpoint, Checkpoint::Mission(it) if it.state == mission::State::Finished)
+        let outcome = components.checkpoints.iter().find_map(|it| match it {
+            Checkpoint::Mission(it) => Some(Outcome::of(&it)),
+            _ => None,
         });
         let seed = components.clock.now().as_nanos();
         Self {
@@ -67,7 +68,7 @@ impl State {
             revocations: components.revocations,
             vehicle: components.vehicle,
             monitor: components.monitor,
-            outcome: Outcome::new(is_finished),
+            outcome: outcome.unwrap_or_default(),
             port_events: PendingPortEvents::default(),
             wakes: None,
         }
@@ -96,7 +97,13 @@ impl State {
 
     /// Whether the process may end.
     pub(super) fn is_done(&self) -> bool {
-        self.outcome.is_done(self.vehicle.is_armed())
+        let has_no_link = self.outcome.gave_up() && !self.is_up(Address::Msp);
+        let is_armed = if has_no_link {
+            self.vehicle.is_armed_by_port()
+        } else {
+            self.vehicle.is_armed()
+        };
+        self.outcome.is_done(is_armed)
     }
 
     /// The process that started this one is gone.

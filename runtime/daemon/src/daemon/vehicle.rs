@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use muster_machines::geometry::{Ned, Velocity};
-use muster_machines::msp::autopilot::Order;
+use muster_machines::msp::autopilot::{AutopilotReport, Order};
 use muster_machines::msp::controller::{Receiver, Stage};
 use muster_machines::msp::{FlightCommand, Introduction, PortEvent, Telemetry};
 use muster_machines::time::Timestamp;
@@ -16,7 +16,7 @@ use muster_runtime::vehicle::{SimulatedVehicle, VehicleState};
 use tokio::sync::mpsc;
 
 use super::autopilot::Piloted;
-use super::permission::{Checker, Refused};
+use super::permission::{Arming, Checker, Refused};
 use crate::config::ControllerConfig;
 use crate::pose;
 use crate::status::PortStatus;
@@ -95,6 +95,15 @@ impl Vehicle {
         }
     }
 
+    /// Whether the vehicle is armed according to its port, for a drone whose link to it has failed for good.
+    pub(super) fn is_armed_by_port(&self) -> bool {
+        match self {
+            Self::Simulated(_) => self.is_armed(),
+            Self::Controlled(controlled) => !controlled.port.is_disarmed(),
+            Self::Piloted(piloted) => piloted.is_armed_by_heartbeat.unwrap_or(true),
+        }
+    }
+
     pub(super) fn telemetry(&self, now: Timestamp) -> Telemetry {
         match self {
             Self::Simulated(vehicle) => vehicle.telemetry(now),
@@ -149,10 +158,15 @@ impl Vehicle {
     /// An event of the port. Returns whether it is for the link.
     pub(super) fn handle_port_event(&mut self, now: Timestamp, event: &PortEvent) -> bool {
         let is_for_link = *event == PortEvent::Closed || self.refused().is_empty();
-        if let Self::Controlled(controlled) = self
-            && is_for_link
-        {
-            controlled.introduction.take(now, event);
+        match (self, event) {
+            (Self::Controlled(controlled), event) if is_for_link => {
+                controlled.introduction.take(now, event);
+            }
+            (
+                Self::Piloted(piloted),
+                PortEvent::Autopilot(AutopilotReport::Heartbeat { armed, .. }),
+            ) => piloted.is_armed_by_heartbeat = Some(*armed),
+            _ => {}
         }
         is_for_link
     }
@@ -252,14 +266,13 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
     std::thread::Builder::new()
         .name("port-events".to_owned())
         .spawn(move || {
-            let mut was_armed = false;
+            let mut arming = Arming::default();
             while let Some(port) = source.upgrade()
                 && !sender.is_closed()
             {
                 let event = port.next_event(WAIT);
-                let is_armed = port.is_armed() == Some(true);
-                let is_being_armed = is_armed && !std::mem::replace(&mut was_armed, is_armed);
-                let fallen = is_being_armed
+                let fallen = arming
+                    .begins(port.is_armed() == Some(true), port.is_disarmed())
                     .then(|| fallen(&port.status(), &mut checker))
                     .flatten();
                 let event = event.and_then(|event| log_event(event, &port, &mut checker));

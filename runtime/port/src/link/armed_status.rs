@@ -39,9 +39,14 @@ impl ArmedStatus {
         self.is_armed
     }
 
+    /// Whether the controller is disarmed for sure.
+    pub(super) const fn is_disarmed(&self) -> bool {
+        self.disarmed >= DISARMED_MIN
+    }
+
     /// Whether a controller that was not looked at in flight has landed.
     pub(super) const fn must_look(&self) -> bool {
-        self.is_unlooked && self.disarmed >= DISARMED_MIN
+        self.is_unlooked && self.is_disarmed()
     }
 }
 
@@ -62,5 +67,6 @@ mod tests {
         arming.opened(false);
         assert!(!arming.must_look());
         assert_eq!(arming.is_armed(), Some(false));
+        assert!(!arming.is_disarmed(), "the port was opened again");
     }
 }

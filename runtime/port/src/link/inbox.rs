@@ -154,6 +154,11 @@ impl Inbox {
         self.arming.is_armed()
     }
 
+    /// Whether several statuses in a row said that the controller is disarmed.
+    pub(super) const fn is_disarmed(&self) -> bool {
+        self.arming.is_disarmed()
+    }
+
     fn look_for_arming(&mut self, telemetry: &Telemetry) {
         if let (Telemetry::Status(status), Some(identity)) =
             (telemetry, self.conversation.identity())

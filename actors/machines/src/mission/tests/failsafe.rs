@@ -100,6 +100,11 @@ fn drone_without_position_lands_on_the_spot() {
     let (transmits, reasons) = inject_failure(&mut member, Failure::PositionLost);
     assert!(transmits.contains(&Transmit::Goal(Goal::Land)));
     assert_eq!(reasons, [LandingReason::PositionLost]);
+    assert_eq!(
+        member.durable.landing.reason,
+        Some(LandingReason::PositionLost),
+        "for a process that restarts meanwhile"
+    );
     assert!(
         !transmits.contains(&Transmit::Land),
         "the swarm waits until touchdown"
