@@ -194,11 +194,13 @@ impl Mission {
         self.move_to_landing_place(now, at);
     }
 
-    /// Whether the next wave waits until this drone is on the ground. It announces its landing only then.
+    /// Whether the next wave waits until this drone is on the ground. It announces its landing only then. A pure relay has
+    /// no wave.
     pub(super) fn is_awaited_on_ground(&self) -> bool {
-        let wave = self.layout().landing_wave(self.config.id);
+        let (id, layout) = (self.config.id, self.layout());
+        let is_drone = id.0 < layout.formation().drones();
         let lands_in_wave = self.durable.landing.reason.is_none() && !self.lands_below_slot();
-        lands_in_wave && wave + 1 < self.layout().landing_waves()
+        is_drone && lands_in_wave && layout.landing_wave(id) + 1 < layout.landing_waves()
     }
 
     /// Whether the drone is taking off or taking a step of a change. It is then on a path that no other path crosses.

@@ -18,7 +18,7 @@ fn member_with_elections(id: u32, moves: bool) -> Mission {
     member
 }
 
-fn failing(failure: Failure, stop: Ned, is_airborne: bool) -> Input {
+pub(super) fn failing(failure: Failure, stop: Ned, is_airborne: bool) -> Input {
     Input::Navigation(NavigationNotice::Failing {
         failure,
         stop,

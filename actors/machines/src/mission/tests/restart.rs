@@ -1,5 +1,6 @@
 //! What is known after a restart.
 
+use super::failsafe::failing;
 use super::*;
 
 #[test]
@@ -99,4 +100,21 @@ fn master_that_returned_while_the_routing_was_down_is_believed() {
     let (transmits, _) = stimulate(&mut member, 36.0, Stimulus::Timeout);
     let claims = |it: &Transmit| matches!(it, Transmit::Lead(_));
     assert!(!transmits.iter().any(claims));
+}
+
+#[test]
+fn pure_relay_whose_battery_is_low_goes_on_when_its_mission_restarts() {
+    let drones = config(0, Liveness::Heartbeat).layout.formation().drones();
+    let relay = || config(drones, Liveness::Heartbeat);
+    let mut mission = Mission::new(relay(), None);
+    send(
+        &mut mission,
+        5.0,
+        failing(Failure::BatteryLow, Ned::HOME, false),
+    );
+    let mut restarted = Mission::new(relay(), Some(mission.durable.clone()));
+    stimulate(&mut restarted, 6.0, Stimulus::Timeout);
+    let landed = Input::Navigation(NavigationNotice::Landed);
+    send(&mut restarted, 6.1, landed);
+    assert_eq!(restarted.durable.state, State::Finished);
 }

@@ -219,10 +219,10 @@ fn message_that_is_refused_displaces_none() {
         own.submit(Timestamp::ZERO, outgoing)
     };
     let (acknowledged, best_effort) = (Reliability::Acknowledged, Reliability::BestEffort);
-    assert_eq!(submit(1, acknowledged, MESSAGE_MAX), []);
-    assert_eq!(submit(2, acknowledged, MESSAGE_MAX - 50_000), []);
+    assert!(submit(1, acknowledged, MESSAGE_MAX).is_empty());
+    assert!(submit(2, acknowledged, MESSAGE_MAX - 50_000).is_empty());
     for id in 10..40 {
-        assert_eq!(submit(id, best_effort, 1_000), []);
+        assert!(submit(id, best_effort, 1_000).is_empty());
     }
     assert_eq!(submit(98, acknowledged, MESSAGE_MAX), [98]);
     assert_eq!(submit(99, acknowledged, 49_000), Vec::from_iter(10..39));
