@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::fs;
 use std::io;
 use std::path::{Component, Path, PathBuf};
-use std::sync::Mutex;
+use std::sync::{Condvar, Mutex, MutexGuard};
 
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::identity::is_plain;
@@ -31,7 +31,8 @@ pub struct SpreadRequest<'a> {
     pub arguments: &'a [String],
     /// Number of runs.
     pub runs: u64,
-    /// Folder for the shards; complete ones there are not run again.
+    /// Folder for the shards, with names as `part-2-of-8`. Complete ones there are not run again, also with other hosts: then
+    /// the campaign keeps their number.
     pub folder: &'a Path,
 }
 
@@ -70,12 +71,14 @@ pub fn spread(
 ) -> Result<Vec<PathBuf>, SpreadError> {
     let payload = Payload::read(request)?;
     let runs = usize::try_from(request.runs).unwrap_or(usize::MAX).max(1);
-    let shards = runs.min(request.hosts.len() * SHARDS_PER_HOST);
+    let shards = shards_in(request.folder)
+        .filter(|begun| *begun <= runs)
+        .unwrap_or_else(|| runs.min(request.hosts.len() * SHARDS_PER_HOST));
     let parts: Vec<_> = (1..=shards)
-        .map(|nth| request.folder.join(format!("part-{nth}")))
+        .map(|nth| request.folder.join(part_name(nth, shards)))
         .collect();
     let missing = (1..=shards).filter(|nth| !parts[nth - 1].is_dir());
-    let queue = Mutex::new(missing.collect::<VecDeque<_>>());
+    let queue = Queue::new(missing.collect());
     let last = Mutex::new(String::new());
     std::thread::scope(|scope| {
         for (nth, run) in request.hosts.iter().enumerate() {
@@ -102,6 +105,69 @@ pub fn spread(
         return Err(SpreadError::NoHost { missing, last });
     }
     Ok(parts)
+}
+
+/// Name of a shard's folder.
+fn part_name(shard: usize, of: usize) -> String {
+    format!("part-{shard}-of-{of}")
+}
+
+/// Number of shards of the campaign whose complete shards are in a folder. `None` if there are none.
+fn shards_in(folder: &Path) -> Option<usize> {
+    let names = fs::read_dir(folder).ok()?.flatten();
+    let shards = names.filter_map(|entry| {
+        let name = entry.file_name().into_string().ok()?;
+        let (shard, of) = name.strip_prefix("part-")?.split_once("-of-")?;
+        let (shard, of) = (shard.parse::<usize>().ok()?, of.parse().ok()?);
+        (1..=of).contains(&shard).then_some(of)
+    });
+    shards.max()
+}
+
+/// The shards that are not complete.
+struct Queue {
+    shards: Mutex<Incomplete>,
+    changed: Condvar,
+}
+
+struct Incomplete {
+    waiting: VecDeque<usize>,
+    /// Number of shards that hosts run now.
+    under_way: usize,
+}
+
+impl Queue {
+    fn new(waiting: VecDeque<usize>) -> Self {
+        let under_way = 0;
+        Self {
+            shards: Mutex::new(Incomplete { waiting, under_way }),
+            changed: Condvar::new(),
+        }
+    }
+
+    fn lock(&self) -> MutexGuard<'_, Incomplete> {
+        self.shards.lock().expect("no thread panics with it")
+    }
+
+    /// The next shard. While other hosts run the last ones, waits for one of them to fail. `None` if all are complete.
+    fn take(&self) -> Option<usize> {
+        let is_undecided = |it: &mut Incomplete| it.waiting.is_empty() && it.under_way > 0;
+        let shards = self.changed.wait_while(self.lock(), is_undecided);
+        let mut shards = shards.expect("no thread panics with it");
+        let next = shards.waiting.pop_front()?;
+        shards.under_way += 1;
+        Some(next)
+    }
+
+    /// Ends what `take` began. `failed` is the shard if another host must run it.
+    fn end(&self, failed: Option<usize>) {
+        let mut shards = self.lock();
+        shards.under_way -= 1;
+        if let Some(shard) = failed {
+            shards.waiting.push_front(shard);
+        }
+        self.changed.notify_all();
+    }
 }
 
 /// What each host gets.
@@ -155,8 +221,8 @@ struct Host<'a> {
 }
 
 impl Host<'_> {
-    /// Runs shards until none is left.
-    fn work(&self, queue: &Mutex<VecDeque<usize>>, report: &dyn Fn(&str)) -> Result<(), HostError> {
+    /// Runs shards until all are complete.
+    fn work(&self, queue: &Queue, report: &dyn Fn(&str)) -> Result<(), HostError> {
         let folder = temporary_folder(self.run)?;
         let worked = self.work_in(&folder, queue, report);
         // A lost host keeps it.
@@ -164,31 +230,19 @@ impl Host<'_> {
         worked
     }
 
-    fn work_in(
-        &self,
-        folder: &str,
-        queue: &Mutex<VecDeque<usize>>,
-        report: &dyn Fn(&str),
-    ) -> Result<(), HostError> {
+    fn work_in(&self, folder: &str, queue: &Queue, report: &dyn Fn(&str)) -> Result<(), HostError> {
         self.put(folder, "muster", &self.payload.program)?;
         line(self.run, &["chmod", "700", &format!("{folder}/muster")])?;
         for (path, content) in &self.payload.files {
             self.put(folder, &path.to_string_lossy(), content)?;
         }
-        loop {
-            let next = queue.lock().expect("no thread panics with it").pop_front();
-            let Some(shard) = next else {
-                return Ok(());
-            };
-            if let Err(error) = self.run_shard(folder, shard) {
-                queue
-                    .lock()
-                    .expect("no thread panics with it")
-                    .push_front(shard);
-                return Err(error);
-            }
+        while let Some(shard) = queue.take() {
+            let ran = self.run_shard(folder, shard);
+            queue.end(ran.is_err().then_some(shard));
+            ran?;
             report(&format!("shard {shard} of {} is complete", self.shards));
         }
+        Ok(())
     }
 
     fn put(&self, folder: &str, path: &str, content: &[u8]) -> Result<(), HostError> {
@@ -220,7 +274,7 @@ impl Host<'_> {
             &[],
         )?;
         line(self.run, &["rm", "-r", &format!("{folder}/part")])?;
-        let target = self.request.folder.join(format!("part-{shard}"));
+        let target = self.request.folder.join(part_name(shard, self.shards));
         let incoming = target.with_extension("incoming");
         if incoming.exists() {
             fs::remove_dir_all(&incoming)?;
@@ -240,3 +294,6 @@ enum HostError {
     #[error("can't store its shard: {0}")]
     Store(#[from] io::Error),
 }
+
+#[cfg(test)]
+mod tests;
