@@ -415,7 +415,7 @@ fn outcome(state: &HostState) -> (HostOutcome, Option<String>) {
     match state {
         HostState::Unchanged => (HostOutcome::Unchanged, None),
         HostState::Changed => (HostOutcome::Changed, None),
-        HostState::Deferred | HostState::Recalled => {
+        HostState::Deferred | HostState::Recalled { .. } => {
             let why = "its drones take part in a flight";
             (HostOutcome::Deferred, Some(why.to_owned()))
         }

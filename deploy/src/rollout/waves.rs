@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
+use super::worker::AWAY_MAX;
 use crate::hosts::Wave;
 
 /// Time that a host may look unhealthy while its wave soaks, before the gate fails.
@@ -17,8 +18,8 @@ pub(super) enum HostState {
     Waiting,
     /// It waits for its drones, which take part in a flight.
     Deferred,
-    /// Its drones are called down.
-    Recalled,
+    /// Its drones are called down. Since when the host can't be seen: `None` if it can.
+    Recalled { away_since: Option<Duration> },
     /// It is being changed.
     Changing,
     /// Its release has proven itself there.
@@ -159,10 +160,21 @@ impl Rollout {
     fn see(&mut self, now: Duration, host: usize, sight: Sight) {
         if let Some(in_flight) = sight.in_flight {
             self.in_flight[host] = in_flight;
-            match &self.hosts[host] {
-                HostState::Recalled if in_flight == 0 => self.hosts[host] = HostState::Waiting,
+            match &mut self.hosts[host] {
+                HostState::Recalled { .. } if in_flight == 0 => {
+                    self.hosts[host] = HostState::Waiting;
+                }
+                HostState::Recalled { away_since } => *away_since = None,
                 HostState::Waiting if in_flight > 0 => self.hosts[host] = HostState::Deferred,
                 _ => {}
+            }
+        } else if let HostState::Recalled { away_since } = &mut self.hosts[host] {
+            let since = *away_since.get_or_insert(now);
+            if now.saturating_sub(since) >= AWAY_MAX {
+                let why = "lost while its drones were called down".to_owned();
+                self.hosts[host] = HostState::Blocked(why);
+                // They land, and no longer count as drones that fly on.
+                self.in_flight[host] = 0;
             }
         }
         let Some(wave) = self.waves.get(self.wave) else {
@@ -279,7 +291,7 @@ impl Rollout {
             self.hosts[**nth] == HostState::Deferred && flying >= keep + self.in_flight[**nth]
         };
         let host = *wave.hosts.iter().find(may)?;
-        self.hosts[host] = HostState::Recalled;
+        self.hosts[host] = HostState::Recalled { away_since: None };
         Some(Action::Recall(host))
     }
 
@@ -295,7 +307,7 @@ impl Rollout {
                     self.hosts[host] = HostState::TakingBack;
                     actions.push(Action::TakeBack(host));
                 }
-                HostState::Recalled => self.hosts[host] = HostState::Deferred,
+                HostState::Recalled { .. } => self.hosts[host] = HostState::Deferred,
                 _ => {}
             }
         }
@@ -306,7 +318,10 @@ impl Rollout {
 impl HostState {
     /// Whether something is being done with it.
     const fn is_busy(&self) -> bool {
-        matches!(self, Self::Changing | Self::TakingBack | Self::Recalled)
+        matches!(
+            self,
+            Self::Changing | Self::TakingBack | Self::Recalled { .. }
+        )
     }
 }
 

@@ -15,7 +15,7 @@ use crate::release::Release;
 /// Time between two looks at a host.
 pub(super) const PERIOD: Duration = Duration::from_millis(500);
 /// Time for a host to come back after its connection was lost: a restart of a Raspberry Pi takes half of it.
-const AWAY_MAX: Duration = Duration::from_secs(90);
+pub(super) const AWAY_MAX: Duration = Duration::from_secs(90);
 /// Time for the release before to be healthy again.
 pub(super) const BACK_MAX: Duration = Duration::from_secs(30);
 

@@ -32,8 +32,18 @@ fn ill() -> Event {
     })
 }
 
+fn away() -> Event {
+    Event::Seen(Sight {
+        in_flight: None,
+        complaint: Some("no connection".to_owned()),
+        dropped_per_s: 0.0,
+    })
+}
+
 /// Hosts that do as they are told: what they do with a release, and what was asked of them.
 struct Fleet {
+    /// Hosts that are lost once their drones are called down.
+    lost_at_recall: Vec<usize>,
     rollout: Rollout,
     now: Duration,
     /// Hosts on which the release fails its trial.
@@ -58,6 +68,7 @@ impl Fleet {
         Self {
             rollout,
             now: Duration::ZERO,
+            lost_at_recall: Vec::new(),
             bad: Vec::new(),
             ill_after: Vec::new(),
             fewest_flying: flying.iter().sum(),
@@ -101,7 +112,11 @@ impl Fleet {
                 let is_ill = self.ill_after.iter().any(|(nth, after)| {
                     *nth == host && self.now.saturating_sub(*after) >= *changed_at
                 });
-                let event = if is_ill {
+                let is_lost = self.lost_at_recall.contains(&host)
+                    && self.actions.contains(&Action::Recall(host));
+                let event = if is_lost {
+                    away()
+                } else if is_ill {
                     ill()
                 } else {
                     well(self.flying[host])
@@ -227,6 +242,39 @@ fn recall_takes_hosts_one_at_a_time_and_keeps_the_stated_number_flying() {
             );
         }
     }
+}
+
+#[test]
+fn host_that_is_lost_while_its_drones_are_called_down_is_left_out() {
+    let mut states = [const { HostState::Waiting }; 5];
+    for host in [1, 2] {
+        states[host] = HostState::Deferred;
+    }
+    let mut fleet = Fleet::new(&states, [0, 1, 1, 0, 0], Some(0));
+    fleet.lost_at_recall = vec![1];
+    let fleet = fleet.run();
+    let lost = "lost while its drones were called down".to_owned();
+    assert_eq!(fleet.rollout.hosts()[1], HostState::Blocked(lost));
+    for host in [0, 2, 3, 4] {
+        assert_eq!(fleet.rollout.hosts()[host], HostState::Changed, "{host}");
+    }
+    // Its drones are not counted as flying while others are called down.
+    let mut fleet = Fleet::new(&states, [0, 1, 1, 0, 0], Some(1));
+    fleet.lost_at_recall = vec![1];
+    assert_eq!(fleet.run().position(Action::Recall(2)), None);
+}
+
+#[test]
+fn host_that_is_seen_again_while_its_drones_are_called_down_is_changed() {
+    let mut states = [const { HostState::Unchanged }; 5];
+    states[0] = HostState::Deferred;
+    let mut rollout = Fleet::new(&states, [1, 0, 0, 0, 0], Some(0)).rollout;
+    assert_eq!(rollout.poll(Duration::ZERO), [Action::Recall(0)]);
+    for (at, event) in [(0, away()), (89, well(1)), (90, away()), (179, well(0))] {
+        rollout.handle(Duration::from_secs(at), 0, event);
+    }
+    let now = Duration::from_secs(179);
+    assert_eq!(rollout.poll(now), [Action::Change(0)]);
 }
 
 #[test]
