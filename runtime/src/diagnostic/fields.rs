@@ -7,7 +7,8 @@ use toml::de::{DeTable, DeValue};
 use crate::schema::FieldList;
 
 /// Describes what is accepted at `span` of a TOML file, where a reader reported `message`. `None` if the file is not TOML and
-/// the line has no known field.
+/// the line has no known field. The span `0..0` is
+/// the whole file.
 #[must_use]
 pub fn accepted(
     fields: FieldList,
@@ -22,7 +23,10 @@ pub fn accepted(
         return accepted_on_line(fields, text, span.start);
     };
     let mut path = Vec::new();
-    find_path(document.get_ref(), span, &mut path);
+    // An error on the whole file has the empty span at its beginning, where a key may stand.
+    if *span != (0..0) {
+        find_path(document.get_ref(), span, &mut path);
+    }
     path.extend(missing.map(str::to_owned));
     let key = path.join(".");
     // A place inside a field that has no fields of its own is described by that field.

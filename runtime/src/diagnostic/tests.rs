@@ -3,6 +3,8 @@ use std::fs;
 use miette::{GraphicalReportHandler, GraphicalTheme};
 
 use super::*;
+use crate::plan::file::Source;
+use crate::schema::FieldList;
 
 /// An error as shown on a terminal, without colours.
 pub(crate) fn rendered(error: &BadInput) -> String {
@@ -71,6 +73,19 @@ fn file_of_maximum_size_is_read_and_a_larger_one_refused() {
         read(&vec![b'a'; limit + 1]).unwrap_err(),
         "given.toml: the file is larger than 4194304 bytes"
     );
+}
+
+#[test]
+fn help_on_what_a_whole_file_lacks_is_not_that_of_its_first_field() {
+    const FIELDS: FieldList = FieldList::new("seed\ta number\nprotocol\ta table\nname\ta text\n");
+    let help = |message| accepted(FIELDS, "seed = 1\n", &(0..0), message).unwrap();
+    let missing = help("missing field `protocol`");
+    assert_eq!(missing, "`protocol` takes a table");
+    let lacking = help("the file has no name");
+    assert_eq!(lacking, "the fields are seed, protocol, name");
+    let scenario = Source::new(Path::new("a.toml"), "seed = 1\n".to_owned());
+    let shown = rendered(&scenario.parse().unwrap_err());
+    assert!(!shown.contains("`seed` takes"), "{shown}");
 }
 
 #[test]
