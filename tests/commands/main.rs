@@ -6,6 +6,7 @@ mod campaign;
 mod chaos;
 mod fc;
 mod figures;
+mod keys;
 mod list;
 mod sim;
 mod simulated_controller;

@@ -139,8 +139,12 @@ fn create(path: &Path, content: &[u8], mode: u32) -> Result<(), KeysError> {
     let mut options = OpenOptions::new();
     let opened = options.write(true).create_new(true).mode(mode).open(path);
     let written = opened.and_then(|mut file| {
-        file.write_all(content)?;
-        file.sync_all()
+        let written = file.write_all(content).and_then(|()| file.sync_all());
+        if written.is_err() {
+            // Half a key would count as one that exists.
+            let _ = fs::remove_file(path);
+        }
+        written
     });
     written.map_err(|source| match source.kind() {
         io::ErrorKind::AlreadyExists => key_exists(path).into(),
