@@ -35,12 +35,15 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let targets = all_targets(arguments)?;
     loop {
         let answers = ask_all(&targets);
-        show(arguments, &answers)?;
+        let has_reader = show(arguments, &answers)?;
         if !arguments.watch {
             return match answers.iter().filter(|it| it.status.is_err()).count() {
                 0 => Ok(Outcome::Success),
                 silent => Err(Failure::NoAnswer(silent, answers.len())),
             };
+        }
+        if !has_reader {
+            return Ok(Outcome::Success);
         }
         std::thread::sleep(PERIOD);
     }
@@ -61,15 +64,16 @@ fn all_targets(arguments: &Arguments) -> Result<Vec<Target>, Failure> {
     }
 }
 
-fn show(arguments: &Arguments, answers: &[Answer]) -> io::Result<()> {
+/// Prints the status. Returns whether the pipe has a reader.
+fn show(arguments: &Arguments, answers: &[Answer]) -> io::Result<bool> {
     if arguments.json {
         let drones: Vec<_> = answers.iter().map(in_json).collect();
-        return terminal::print(&format!("{}\n", json!({ "drones": drones })));
+        return terminal::print_to_reader(&format!("{}\n", json!({ "drones": drones })));
     }
     let repaints = arguments.watch && io::stdout().is_terminal();
     let clear = if repaints { terminal::CLEAR } else { "" };
     let table = table(answers, terminal::colour(&io::stdout()));
-    terminal::print(&format!("{clear}{table}"))
+    terminal::print_to_reader(&format!("{clear}{table}"))
 }
 
 fn in_json(answer: &Answer) -> Value {

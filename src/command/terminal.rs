@@ -33,8 +33,14 @@ pub(crate) fn colour(out: &impl IsTerminal) -> Colour {
 
 /// Prints on standard output. A closed pipe is no error: the exit code still reports the result.
 pub(crate) fn print(text: &str) -> io::Result<()> {
+    print_to_reader(text).map(drop)
+}
+
+/// As [`print`], for commands that print until they are interrupted. Returns whether the pipe has a reader; without one they
+/// end.
+pub(crate) fn print_to_reader(text: &str) -> io::Result<bool> {
     match io::stdout().lock().write_all(text.as_bytes()) {
-        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(()),
-        written => written,
+        Err(error) if error.kind() == io::ErrorKind::BrokenPipe => Ok(false),
+        written => written.map(|()| true),
     }
 }

@@ -74,7 +74,7 @@ fn serve(mut stream: TcpStream) {
 }
 
 /// A controller's device. Its thread ends with the test's process.
-fn recorded() -> String {
+pub(crate) fn recorded() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let device = format!("tcp:{}", listener.local_addr().unwrap());
     thread::spawn(move || listener.incoming().flatten().for_each(serve));
@@ -141,7 +141,7 @@ fn watch_prints_a_line_a_second() {
 }
 
 /// The device of an optical flow module.
-fn module() -> String {
+pub(crate) fn module() -> String {
     let listener = TcpListener::bind("127.0.0.1:0").unwrap();
     let device = format!("tcp:{}", listener.local_addr().unwrap());
     let mut bytes = Vec::new();

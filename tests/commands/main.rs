@@ -4,6 +4,7 @@
 
 mod campaign;
 mod chaos;
+mod closed_pipe;
 mod fc;
 mod figures;
 mod keys;

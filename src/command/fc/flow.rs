@@ -62,7 +62,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             ),
             (false, false) => view.lines(every, noise_bytes).join("; "),
         };
-        terminal::print(&format!("{text}\n"))?;
+        if !terminal::print_to_reader(&format!("{text}\n"))? {
+            break;
+        }
     }
     Ok(Outcome::Success)
 }

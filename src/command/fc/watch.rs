@@ -47,7 +47,9 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         } else {
             view.lines(&status).join("; ")
         };
-        terminal::print(&format!("{text}\n"))?;
+        if !terminal::print_to_reader(&format!("{text}\n"))? {
+            break;
+        }
     }
     Ok(Outcome::Success)
 }
