@@ -7,8 +7,7 @@ use toml::de::{DeTable, DeValue};
 use crate::schema::FieldList;
 
 /// Describes what is accepted at `span` of a TOML file, where a reader reported `message`. `None` if the file is not TOML and
-/// the line has no known field. The span `0..0` is
-/// the whole file.
+/// the line has no known field. The span `0..0` is the whole file.
 #[must_use]
 pub fn accepted(
     fields: FieldList,

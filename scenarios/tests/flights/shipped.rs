@@ -168,7 +168,8 @@ fn preview_shows_drones_out_of_range_and_other_swarms() {
     let out_of_range = "out of the master's reach";
     let text = preview("split-up-5.toml", &[]);
     assert!(!text.contains(out_of_range), "{text}");
-    let text = preview("split-up-5.toml", &["radio.range_m=50"]);
+    let cut_off = ["radio.range_m=50", "protocol.succession=land"];
+    let text = preview("split-up-5.toml", &cut_off);
     assert!(text.contains(out_of_range), "{text}");
     let text = preview("split-up-5.toml", &["limits.separation_vertical_m=0.6"]);
     assert!(text.contains("+3.3 m "), "no digits of a sum: {text}");
@@ -211,6 +212,7 @@ fn preview_shows_drones_that_layers_take_out_of_range() {
         "formation.spacing_m=50",
         "radio.range_m=70",
         "limits.altitude_max_m=500",
+        "protocol.succession=land",
     ];
     let scattered = scenario("barrier-mesh.toml", &scattered);
     let text = scattered.preview().join("\n");
