@@ -1,6 +1,7 @@
 //! Merging of shards.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 
 use muster_runtime::diagnostic::BadInput;
@@ -45,6 +46,30 @@ pub fn merge(parts: &[PathBuf], dir: &Path) -> Result<Published, CampaignError> 
     let published = publish(folder.dir(), &whole, &mut sources)?;
     folder.close()?;
     Ok(published)
+}
+
+impl Campaign {
+    /// Refuses a folder that has shards of another campaign, before this one is run there. It may not exist.
+    ///
+    /// # Errors
+    /// If a shard belongs to another campaign, or can't be read.
+    pub fn check_shards(&self, folder: &Path) -> Result<(), BadInput> {
+        let Ok(entries) = fs::read_dir(folder) else {
+            return Ok(());
+        };
+        for entry in entries.flatten() {
+            let path = entry.path();
+            let Some(existing) = Self::read_folder(&path)? else {
+                continue;
+            };
+            let same_shard = Self {
+                shard: existing.shard,
+                ..self.clone()
+            };
+            same_shard.check_folder(&path)?;
+        }
+        Ok(())
+    }
 }
 
 /// Reads the campaign of each part, and refuses different campaigns and duplicate shards.

@@ -7,6 +7,7 @@ use muster_deploy::hosts;
 use muster_runtime::plan::file::Source;
 use muster_runtime::text::plural;
 use muster_scenarios::campaign::{self, Campaign};
+use muster_scenarios::engine::Engine;
 use muster_scenarios::scenario::{is_shipped, mission_file, mission_path};
 
 use super::super::{Failure, Outcome, folder, terminal};
@@ -40,6 +41,8 @@ pub(super) fn run(
             .as_bytes(),
         );
     };
+    let parts = out.join("parts");
+    campaign.check_shards(&parts)?;
     let parts = spread(
         &SpreadRequest {
             hosts: &hosts,
@@ -47,7 +50,7 @@ pub(super) fn run(
             files: &files(&arguments.scenario)?,
             arguments: &words(arguments),
             runs: campaign.shard_runs(),
-            folder: &out.join("parts"),
+            folder: &parts,
         },
         &report,
     )?;
@@ -81,6 +84,8 @@ pub(super) fn words(arguments: &Arguments) -> Vec<String> {
     for set in &arguments.overrides {
         words.extend(["--set".to_owned(), set.to_string()]);
     }
+    let engine = Engine::from(arguments.engine);
+    words.extend(["--engine".to_owned(), engine.to_string()]);
     words.extend(["--run-limit".to_owned(), arguments.run_limit.to_string()]);
     words
 }

@@ -48,6 +48,23 @@ fn campaign_on_hosts_has_the_bytes_of_one_machine_and_outlives_a_host() {
     let spread = files(&home.path().join("spread/whole"));
     assert_same(&spread, &files(&home.path().join("one")));
     assert_eq!(spread["runs.csv"].len(), whole["runs.csv"].len());
+    let other_seeds = muster(
+        home.path(),
+        &[
+            "campaign",
+            "thesis-1",
+            "--hosts",
+            "hosts.toml",
+            "--out",
+            "spread",
+            "--seeds",
+            "90..99",
+        ],
+    );
+    assert_eq!(other_seeds.status.code(), Some(2));
+    let refused = error_text(&other_seeds);
+    assert!(refused.contains("belongs to another campaign"), "{refused}");
+    assert!(on_hosts("spread").status.success(), "the same again");
     // All hosts lost: nothing is complete.
     fs::write(home.path().join("hosts.toml"), host("false", 0)).unwrap();
     let run = on_hosts("none");
