@@ -20,8 +20,13 @@ pub(super) struct Outcome {
 impl Outcome {
     /// What the journal says of the flight.
     pub(super) fn of(mission: &mission::Checkpoint) -> Self {
+        let is_landing = matches!(
+            mission.state,
+            mission::State::MovingToLand | mission::State::Landing | mission::State::Finished
+        );
         Self {
-            landing: mission.landing.reason,
+            // In flight it may have a reason to land once it is in its slot, and complete the mission before.
+            landing: mission.landing.reason.filter(|_| is_landing),
             is_finished: mission.state == mission::State::Finished,
             ..Self::default()
         }
@@ -77,5 +82,7 @@ mod tests {
         let outcome = Outcome::of(&mission);
         assert_eq!(outcome.landing(), Some(LandingReason::FlightTime));
         assert!(!outcome.is_done(false));
+        mission.state = mission::State::MovingToWaypoint { waypoint: 1 };
+        assert_eq!(Outcome::of(&mission).landing(), None, "not yet");
     }
 }

@@ -98,12 +98,9 @@ impl State {
     /// Whether the process may end.
     pub(super) fn is_done(&self) -> bool {
         let has_no_link = self.outcome.gave_up() && !self.is_up(Address::Msp);
-        let is_armed = if has_no_link {
-            self.vehicle.is_armed_by_port()
-        } else {
-            self.vehicle.is_armed()
-        };
-        self.outcome.is_done(is_armed)
+        let is_disarmed = has_no_link && self.vehicle.is_disarmed_by_port();
+        self.outcome
+            .is_done(self.vehicle.is_armed() && !is_disarmed)
     }
 
     /// The process that started this one is gone.

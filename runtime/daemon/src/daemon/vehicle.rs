@@ -95,12 +95,12 @@ impl Vehicle {
         }
     }
 
-    /// Whether the vehicle is armed according to its port, for a drone whose link to it has failed for good.
-    pub(super) fn is_armed_by_port(&self) -> bool {
+    /// Whether the port says that the vehicle is disarmed, for a drone whose link to it has failed for good.
+    pub(super) fn is_disarmed_by_port(&self) -> bool {
         match self {
-            Self::Simulated(_) => self.is_armed(),
-            Self::Controlled(controlled) => !controlled.port.is_disarmed(),
-            Self::Piloted(piloted) => piloted.is_armed_by_heartbeat.unwrap_or(true),
+            Self::Simulated(_) => false,
+            Self::Controlled(controlled) => controlled.port.is_disarmed(),
+            Self::Piloted(piloted) => piloted.is_armed_by_heartbeat == Some(false),
         }
     }
 
