@@ -213,9 +213,10 @@ impl Deconfliction {
             joins: joins_from.map(|_| to),
         });
         self.next_progress = joins_from.and(self.next_progress.or(Some(now + PROGRESS_INTERVAL)));
-        let is_known =
-            before.is_some_and(|it| it.has_priority && it.joins.is_some() >= joins_from.is_some());
-        self.send_intent(!is_known, outbox);
+        let was_tracking = before.is_some_and(|it| it.has_priority);
+        let was_joining = before.is_some_and(|it| it.joins.is_some());
+        let begins_to_join = joins_from.is_some() && !was_joining;
+        self.send_intent(!was_tracking || begins_to_join, outbox);
     }
 
     /// Announces the rest of the path to a tracked place; `place` is where the drone is.

@@ -293,24 +293,21 @@ fn restarted_navigation_knows_how_long_others_have_been_silent() {
     assert!(!restarted.deconfliction.is_clear(now, path));
 }
 
-#[test]
-fn following_drone_announces_its_path_until_the_track_expires() {
-    let mut navigation = avoiding();
+/// The path of the tracked place of [`MOVING`] while its velocity is valid.
+fn tracked_path() -> Path {
     let Goal::Track {
         to, velocity, hold, ..
     } = MOVING
     else {
         panic!("a tracking goal");
     };
-    let ahead = Ned(to.0 + velocity.0 * hold.as_secs_f64());
-    let intent = Intent::of(
-        Path {
-            from: to,
-            to: ahead,
-        },
-        0.0,
-        true,
-    );
+    Path::new(to, Ned(to.0 + velocity.0 * hold.as_secs_f64()))
+}
+
+#[test]
+fn following_drone_announces_its_path_until_the_track_expires() {
+    let mut navigation = avoiding();
+    let intent = Intent::of(tracked_path(), 0.0, true);
     for immediately in [true, false] {
         let output = handle(&mut navigation, Input::Goal(MOVING));
         assert_eq!(output[0], announces(intent, immediately));
@@ -328,13 +325,10 @@ fn drone_far_from_its_tracked_place_announces_the_way_there_until_it_arrives() {
     let start = Ned::new(0.0, 300.0, -25.0);
     handle(&mut navigation, Input::Goal(fly_to(start)));
     handle(&mut navigation, at_rest_at(start));
-    let Goal::Track {
-        to, velocity, hold, ..
-    } = MOVING
-    else {
-        panic!("a tracking goal");
-    };
-    let ahead = Ned(to.0 + velocity.0 * hold.as_secs_f64());
+    let Path {
+        from: to,
+        to: ahead,
+    } = tracked_path();
     let announced = |from, immediately| {
         let intent = Intent::of(Path::new(from, ahead), 0.0, true);
         announces(intent, immediately)
