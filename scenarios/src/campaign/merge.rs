@@ -27,10 +27,7 @@ pub fn merge(parts: &[PathBuf], dir: &Path) -> Result<Published, CampaignError> 
         return refuse(dir, message, "name the folders of all shards");
     };
     check_complete(first, path, &shards)?;
-    let whole = Campaign {
-        shard: Shard::WHOLE,
-        ..first.clone()
-    };
+    let whole = first.with_shard(Shard::WHOLE);
     whole.check_folder(dir)?;
     let mut sources = Vec::with_capacity(shards.len());
     for (campaign, part) in shards.values() {
@@ -59,16 +56,18 @@ impl Campaign {
         };
         for entry in entries.flatten() {
             let path = entry.path();
-            let Some(existing) = Self::read_folder(&path)? else {
-                continue;
-            };
-            let same_shard = Self {
-                shard: existing.shard,
-                ..self.clone()
-            };
-            same_shard.check_folder(&path)?;
+            if let Some(existing) = Self::read_folder(&path)? {
+                self.with_shard(existing.shard).check_folder(&path)?;
+            }
         }
         Ok(())
+    }
+
+    fn with_shard(&self, shard: Shard) -> Self {
+        Self {
+            shard,
+            ..self.clone()
+        }
     }
 }
 
@@ -97,14 +96,11 @@ fn read_shards(parts: &[PathBuf]) -> Result<BTreeMap<Shard, (Campaign, &Path)>, 
 
 /// First difference of two shards other than their index; `None` if both belong to one campaign.
 fn difference(campaign: &Campaign, first: &Campaign) -> Option<String> {
-    let with_first_shard = Campaign {
-        shard: first.shard,
-        ..campaign.clone()
-    };
     let of = first.shard.of();
     let division =
         (of != campaign.shard.of()).then(|| format!("shard: {}, not of {of}", campaign.shard));
-    with_first_shard.difference(first).or(division)
+    let same_shard = campaign.with_shard(first.shard);
+    same_shard.difference(first).or(division)
 }
 
 /// Refuses shards of which some are missing.
