@@ -215,7 +215,7 @@ impl Drone {
             Op::Datagram(datagram) => received(datagram),
             Op::Frame(header, mut payload) => {
                 payload.truncate(PAYLOAD_MAX);
-                let mut frame = wire::encode_covered(&header, &payload, Vec::new());
+                let mut frame = wire::encode_covered(&header, &payload);
                 let authenticator = IdealAuthenticator.sign(&frame);
                 frame.extend_from_slice(&authenticator);
                 received(frame.into())

@@ -7,7 +7,7 @@ pub(crate) fn run(bytes: &[u8]) {
     if let Ok(frame) = wire::decode_frame(bytes) {
         assert_eq!(sender, Some(frame.header.sender));
         read_payload(frame.payload);
-        let mut encoded = wire::encode_covered(&frame.header, frame.payload, Vec::new());
+        let mut encoded = wire::encode_covered(&frame.header, frame.payload);
         encoded.extend_from_slice(frame.authenticator);
         let decoded = wire::decode_frame(&encoded).expect("an encoded frame is decoded");
         assert_eq!(

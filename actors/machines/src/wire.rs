@@ -45,8 +45,8 @@ pub use self::order::{
 pub use self::packet::{ETX_UNIT, Flood, Member, Packet, Reception, Tree};
 pub use self::radio::{RadioPacket, decode_radio_packet, encode_radio_packet};
 pub use self::routing::{
-    decode_message, decode_packet, decode_tree, encode_message, encode_packet, encode_tree,
-    is_message, split_tree,
+    decode_message, decode_packet, decode_packet_reusing, decode_tree, encode_message,
+    encode_packet, encode_tree, is_message, split_tree,
 };
 pub use self::subtree::EncodedSubtree;
 pub use self::tree::{EncodedSet, TreeFrame, TreeHeader};
@@ -59,6 +59,8 @@ pub const AUTHENTICATOR_LEN: usize = 64;
 /// Largest header with its version, in bytes: six varints of 32 bits and one of 64. A frame without room for it carries
 /// no intent.
 pub const HEADER_MAX: usize = 1 + 6 * 5 + 10;
+/// Largest intent, in bytes: six varints of 32 bits and a byte.
+pub(crate) const INTENT_MAX: usize = 6 * 5 + 1;
 /// Largest payload in bytes that fits any header.
 pub const PAYLOAD_MAX: usize = DATAGRAM_MAX - HEADER_MAX - AUTHENTICATOR_LEN;
 

@@ -157,12 +157,9 @@ impl Checkers {
     }
 
     /// This many messages are queued for an actor.
-    #[inline]
     pub(crate) fn queued(&mut self, now: Timestamp, drone: NodeId, waiting: usize) {
-        if self.is_on {
-            let found = self.bounds.queue(now, drone, waiting);
-            self.report(found);
-        }
+        let found = self.bounds.queue(now, drone, waiting);
+        self.report(found);
     }
 
     /// A radio admits the frame that it has just received.

@@ -57,7 +57,9 @@ impl Core {
     #[inline]
     pub(super) fn post(&mut self, drone: NodeId, envelope: Envelope) {
         let waiting = self.inbox.push(drone, Message::genuine(envelope));
-        self.checkers.queued(self.timeline.now(), drone, waiting);
+        if self.checkers.are_on() {
+            self.checkers.queued(self.timeline.now(), drone, waiting);
+        }
     }
 
     /// Schedules the faults that wait for this trigger. Faults affect the scenario's own swarm only.

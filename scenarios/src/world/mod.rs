@@ -67,9 +67,10 @@ use self::trace::Kind;
 use crate::engine::RunLimit;
 use crate::scenario::{Scenario, Trigger};
 
-/// Fewer events than this in a slice of time are not read ahead: little memory would be loaded side by side, and a small
-/// swarm is in the cache.
+/// Fewer events than this in a slice of time are not read ahead: little memory would be loaded side by side.
 const READ_AHEAD_MIN: usize = 4;
+/// Nothing is read ahead with fewer drones than this: they are in the cache.
+const READ_AHEAD_DRONES_MIN: usize = 300;
 
 /// A world in the middle of a run: connects the drones' actors, which an engine steps, with the scene.
 ///
@@ -163,6 +164,9 @@ impl World {
     /// Overwrites `soon` with the drones that receive frames or route in the slice of time that has just begun, and the
     /// senders of the frames. Returns whether there are enough for read-ahead to pay off.
     pub(crate) fn look_ahead(&mut self, soon: &mut Vec<(NodeId, Option<NodeId>)>) -> bool {
+        if self.scene.processes.len() < READ_AHEAD_DRONES_MIN {
+            return false;
+        }
         let Some(events) = self.scene.core.timeline.new_slice(READ_AHEAD_MIN) else {
             return false;
         };

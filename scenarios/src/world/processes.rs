@@ -48,6 +48,11 @@ impl Processes {
         Self { drones, timeouts }
     }
 
+    /// Number of drones and relays.
+    pub(super) const fn len(&self) -> usize {
+        self.drones.len()
+    }
+
     /// How long an actor may hang before its supervisor restarts it.
     pub(super) const fn actor_timeout(&self) -> Duration {
         self.timeouts.actor

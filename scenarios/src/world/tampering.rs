@@ -206,7 +206,7 @@ impl Tampering {
             ..usurped
         };
         let forged = |header: &Header, authenticator: &[u8; AUTHENTICATOR_LEN]| {
-            let mut bytes = wire::encode_covered(header, frame.payload, Vec::new());
+            let mut bytes = wire::encode_covered(header, frame.payload);
             bytes.extend_from_slice(authenticator);
             Bytes::from(bytes)
         };

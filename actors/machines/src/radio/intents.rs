@@ -5,10 +5,8 @@ use super::Transmit;
 use crate::identity::NodeId;
 use crate::time::Timestamp;
 use crate::traffic::Intent;
-use crate::wire::PAYLOAD_MAX;
+use crate::wire::{INTENT_MAX, PAYLOAD_MAX};
 
-/// Maximum encoded size of an intent, in bytes.
-const INTENT_MAX: usize = 6 * 5 + 1;
 /// Interval at which an unchanged intent is passed on.
 const INTENT_REPEATED_AFTER: Duration = Duration::from_secs(1);
 
@@ -46,6 +44,12 @@ impl Intents {
             intent: Some(*intent),
             heard_at: *at,
         })
+    }
+
+    /// Whether no intent of another drone is known.
+    #[inline]
+    pub(super) fn are_unknown(&self) -> bool {
+        self.others.is_empty()
     }
 
     /// Updates the intent of another drone. Returns whether to pass it on: it changed, or was not passed on for a while.

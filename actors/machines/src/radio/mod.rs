@@ -56,8 +56,6 @@ pub struct Radio<A> {
     admission: Admission,
     counters: Counters,
     outbox: Outbox<Transmit, Event>,
-    /// Reused buffer for encoding frames.
-    written: Vec<u8>,
     /// `None` if senders need no freshness proof.
     challenger: Option<Box<Challenger>>,
     /// `None` until the first challenge.
@@ -97,7 +95,6 @@ impl<A: Authenticator> Radio<A> {
             incarnation,
             counters: Counters::new(checkpoint),
             outbox,
-            written: Vec::new(),
             challenger: (proof_policy != ProofPolicy::NotRequired)
                 .then(|| Box::new(Challenger::new(nonce))),
             responder: None,
@@ -124,7 +121,6 @@ impl<A: Authenticator> Radio<A> {
     pub(crate) fn read_ahead(&self) {
         black_box((self.config.id, self.config.swarm, self.outbox.is_empty()));
         black_box((
-            self.written.len(),
             self.counters.next(),
             self.incarnation,
             self.challenger.is_some(),
@@ -153,13 +149,10 @@ impl<A: Authenticator> Radio<A> {
             ballot,
             intent: self.intents.own_for(payload),
         };
-        let mut memory = std::mem::take(&mut self.written);
-        memory.clear();
-        let mut frame = wire::encode_covered(&header, payload, memory);
+        let mut frame = wire::encode_covered(&header, payload);
         let authenticator = self.authenticator.sign(&frame);
         frame.extend_from_slice(&authenticator);
-        self.written = frame;
-        Some(Bytes::copy_from_slice(&self.written))
+        Some(frame.into())
     }
 
     /// Reserves counters if none is left.
@@ -212,7 +205,8 @@ impl<A: Authenticator> Radio<A> {
             self.outbox.transmit(Transmit::Locate { sender, source });
         }
         // A late frame has an old intent.
-        if is_newest && has_room_for_intent(frame.payload) {
+        let may_change = header.intent.is_some() || !self.intents.are_unknown();
+        if may_change && is_newest && has_room_for_intent(frame.payload) {
             self.handle_intent(now, sender, header.intent);
         }
         if let Some(packet) = packet {

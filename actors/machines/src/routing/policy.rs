@@ -180,16 +180,16 @@ impl<P: Policy> Dissemination<P> {
         messages.run(&mut cx);
     }
 
-    /// Sends the messages that are due, within what the policy has left of the budget.
-    fn run_messages(&mut self, now: Timestamp) {
-        let sent = self.shared.take_sent();
-        if let Some(messages) = &mut self.messages {
-            messages.record_sent(now, sent);
-            if messages.deadline().is_some_and(|due| due <= now) {
-                let (messages, mut cx) = self.messages(now);
-                messages.run(&mut cx);
-            }
+    /// At the end of a step: sends the messages that are due, within what the policy, which has sent so many frames, has left
+    /// of the budget.
+    #[inline(never)]
+    fn end_messages(&mut self, now: Timestamp, sent: u32) {
+        let (messages, mut cx) = self.messages(now);
+        messages.record_sent(now, sent);
+        if messages.deadline().is_some_and(|due| due <= now) {
+            messages.run(&mut cx);
         }
+        self.shared.notify_sent();
     }
 
     fn stop(&mut self, now: Timestamp) {
@@ -206,24 +206,26 @@ impl<P: Policy> Dissemination<P> {
     }
 
     fn end_step(&mut self, now: Timestamp) {
-        self.run_messages(now);
-        self.shared.notify_sent();
-        self.emit_checkpoint();
+        let sent = self.shared.take_sent();
+        if self.messages.is_some() {
+            self.end_messages(now, sent);
+        }
+        if self.shared.take_changed() {
+            self.emit_checkpoint();
+        }
         let messages = self.messages.as_ref().and_then(|it| it.deadline());
         self.deadline = first_of([self.policy.deadline(&self.shared), messages]);
         self.shared.expect_step(now, self.deadline);
     }
 
-    /// Emits a checkpoint before all other outputs of the step, if the durable state changed.
+    /// Emits a checkpoint before all other outputs of the step.
+    #[inline(never)]
     fn emit_checkpoint(&mut self) {
-        if self.shared.take_changed() {
-            let checkpoint = Checkpoint {
-                common: self.shared.durable.clone(),
-                policy: self.policy.checkpoint(),
-            };
-            self.shared
-                .emit_first(Event::Checkpoint(Box::new(checkpoint)));
-        }
+        let checkpoint = Checkpoint {
+            common: self.shared.durable.clone(),
+            policy: self.policy.checkpoint(),
+        };
+        (self.shared).emit_first(Event::Checkpoint(Box::new(checkpoint)));
     }
 }
 

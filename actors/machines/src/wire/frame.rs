@@ -2,7 +2,7 @@ use thiserror::Error;
 
 use super::reader::Reader;
 use super::writer::Writer;
-use super::{AUTHENTICATOR_LEN, DATAGRAM_MAX, Intent};
+use super::{AUTHENTICATOR_LEN, DATAGRAM_MAX, HEADER_MAX, INTENT_MAX, Intent};
 use crate::identity::{Ballot, NodeId, SwarmId};
 
 /// Version of a frame without intent.
@@ -54,9 +54,11 @@ pub enum FrameError {
     Version,
 }
 
-/// Appends version, header and payload to `out`: the bytes that the authenticator covers.
-pub fn encode_covered(header: &Header, payload: &[u8], out: Vec<u8>) -> Vec<u8> {
-    let mut writer = Writer(out);
+/// Encodes version, header and payload: the bytes that the authenticator covers. Leaves room for it.
+#[must_use]
+pub fn encode_covered(header: &Header, payload: &[u8]) -> Vec<u8> {
+    let frame_max = HEADER_MAX + INTENT_MAX + payload.len() + AUTHENTICATOR_LEN;
+    let mut writer = Writer(Vec::with_capacity(frame_max));
     writer.u8(match header.intent {
         None => VERSION,
         Some(_) => VERSION_WITH_INTENT,
@@ -136,6 +138,7 @@ fn read_header(reader: &mut Reader<'_>) -> Option<Header> {
     })
 }
 
+#[inline(never)]
 fn read_intent(reader: &mut Reader<'_>) -> Option<Intent> {
     let mut position = || Some([reader.i32()?, reader.i32()?, reader.i32()?]);
     let (from_dm, to_dm) = (position()?, position()?);

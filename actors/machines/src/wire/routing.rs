@@ -89,10 +89,21 @@ pub fn decode_message(payload: &[u8]) -> Result<Message, PayloadError> {
 /// # Errors
 /// The bytes are no such packet, or bytes follow it.
 pub fn decode_packet(payload: &Bytes) -> Result<Packet, PayloadError> {
+    decode_packet_reusing(payload, Vec::new())
+}
+
+/// As [`decode_packet`]. The members of policy `flood` replace those in `members`, and take their memory.
+///
+/// # Errors
+/// See [`decode_packet`].
+pub fn decode_packet_reusing(
+    payload: &Bytes,
+    members: Vec<Member>,
+) -> Result<Packet, PayloadError> {
     match &**payload {
         [HELLO, hello @ ..] => read_hello(hello),
         [HOP_UPDATE, hop_update @ ..] => read_hop_update(hop_update),
-        [FLOOD, flood @ ..] => read_flood(flood, payload).map(Packet::Flood),
+        [FLOOD, flood @ ..] => read_flood(flood, payload, members).map(Packet::Flood),
         [TREE, ..] => return decode_tree(payload).map(|tree| Packet::Tree(tree.to_tree())),
         [MESSAGE, ..] => return decode_message(payload).map(Packet::Message),
         _ => None,
@@ -160,22 +171,23 @@ fn write_flood(flood: &Flood, writer: &mut Writer) {
     writer.option(flood.order.as_deref(), Writer::bytes);
 }
 
-/// Reads a packet as [`write_flood`] writes it, from a part of `payload`.
-fn read_flood(bytes: &[u8], payload: &Bytes) -> Option<Flood> {
+/// Reads a packet as [`write_flood`] writes it, from a part of `payload`. Its members replace those in `members`.
+fn read_flood(bytes: &[u8], payload: &Bytes, mut members: Vec<Member>) -> Option<Flood> {
     let mut reader = Reader(bytes);
+    members.clear();
     let mut flood = Flood {
         hops: reader.hops()?,
         parent: reader.id()?,
         heartbeat: reader.u32()?,
         sequence: reader.u32()?,
         hears: reader.set()?,
-        members: Vec::new(),
+        members,
         order: None,
     };
-    let members = reader.u32()? as usize;
+    let count = reader.u32()? as usize;
     // A member takes at least four bytes, whatever count is claimed.
-    flood.members.reserve_exact(members.min(bytes.len() / 4));
-    for _ in 0..members {
+    flood.members.reserve_exact(count.min(bytes.len() / 4));
+    for _ in 0..count {
         let (id, number, acknowledged) = (reader.u32()?, reader.u32()?, reader.u32()?);
         let flags = reader.u8()?;
         flood.members.push(Member {

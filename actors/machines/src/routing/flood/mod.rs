@@ -66,6 +66,8 @@ pub(super) struct FloodPolicy {
     heartbeat_rose_at: Timestamp,
     /// When this drone sends next; `None` before there is a leader.
     next_send: Option<Timestamp>,
+    /// Members of the last frame: their memory is for the next one's.
+    spare: Vec<Member>,
 }
 
 impl FloodPolicy {
@@ -84,6 +86,7 @@ impl FloodPolicy {
             parent_heard_at: now,
             heartbeat_rose_at: now,
             next_send: None,
+            spare: Vec::new(),
             durable: Checkpoint::default(),
             config,
         };
@@ -157,7 +160,7 @@ impl Policy for FloodPolicy {
         (sender, ballot): (NodeId, Ballot),
         payload: &Bytes,
     ) {
-        let packet = wire::decode_packet(payload).ok();
+        let packet = wire::decode_packet_reusing(payload, std::mem::take(&mut self.spare)).ok();
         let Some(packet) = packet.filter(|_| sender.0 < shared.drones) else {
             shared.emit(Event::Ignored(sender));
             return;
@@ -185,7 +188,10 @@ impl Policy for FloodPolicy {
             Packet::HopUpdate { hops, routing_list } => {
                 self.receive_hop_update(shared, now, sender, hops, &routing_list);
             }
-            Packet::Flood(flood) => self.receive_flood(shared, now, sender, &flood),
+            Packet::Flood(flood) => {
+                self.receive_flood(shared, now, sender, &flood);
+                self.spare = flood.members;
+            }
             Packet::Tree(_) | Packet::Message(_) => shared.emit(Event::Ignored(sender)),
         }
     }
