@@ -24,6 +24,13 @@ pub(crate) struct Look {
     pub(crate) found: Option<Found>,
 }
 
+impl Look {
+    /// Whether the controller was armed, so that its settings were not looked at.
+    pub(crate) fn is_of_armed(&self) -> bool {
+        (self.found.as_ref()).is_some_and(|it| it.configuration.is_none())
+    }
+}
+
 /// Looks whether a controller is fit to be flown in `mode`, except what only its command line tells. Of one that is armed only
 /// the firmware is looked at: it flies already, and waits for RC.
 ///

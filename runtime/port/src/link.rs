@@ -62,7 +62,8 @@ impl Shared {
 
 impl Link {
     /// Starts to open a port, and keeps it open. Whenever it is opened, the controller is first looked at, whether it is fit to
-    /// be flown in `mode`, unless it was armed when the port closed. `None` looks at nothing.
+    /// be flown in `mode`, unless it was armed when the port closed. The settings of one that is armed are looked at once it has
+    /// landed. `None` looks at nothing.
     ///
     /// # Errors
     /// If the system starts no threads.

@@ -13,7 +13,7 @@ pub(super) struct ArmedStatus {
     is_armed: Option<bool>,
     /// Statuses in a row that said disarmed.
     disarmed: u8,
-    /// The port was opened in flight, and its controller not looked at.
+    /// The port was opened in flight, and the settings of its controller not looked at.
     is_unlooked: bool,
 }
 

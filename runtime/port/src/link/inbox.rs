@@ -59,7 +59,7 @@ struct Openings {
 }
 
 impl Inbox {
-    /// `must_look`: the controller is to be looked at. It is, once it has disarmed, if `look` is `None`.
+    /// `must_look`: the controller is to be looked at. It is, once it has disarmed, if `look` is `None` or found it armed.
     pub(super) fn open(
         &mut self,
         now: Duration,
@@ -67,7 +67,8 @@ impl Inbox {
         look: Option<Look>,
         must_look: bool,
     ) {
-        self.arming.opened(must_look && look.is_none());
+        let is_looked = look.as_ref().is_some_and(|it| !it.is_of_armed());
+        self.arming.opened(must_look && !is_looked);
         self.conversation = Conversation::new(now);
         self.wire = Some(wire);
         self.is_identified = false;

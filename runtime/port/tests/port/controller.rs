@@ -10,7 +10,8 @@ use std::time::Instant;
 
 use muster_msp::{
     ApiVersion, Attitude, BoardInfo, BoxIds, Decode, Decoder, Direction, FcVariant, FcVersion,
-    Frame, Letters, Message, Mode, ReceivedRc, Status, acknowledge, encode, refuse, reply,
+    Frame, Letters, Message, Mode, ReceivedRc, Status, StatusHead, acknowledge, encode, refuse,
+    reply,
 };
 use muster_port::Address;
 
@@ -23,12 +24,15 @@ pub(crate) struct Manner {
     pub(crate) noise: &'static [u8],
     /// Closes the first connection after so many frames.
     pub(crate) frames_max: usize,
+    /// How many statuses say that it is armed.
+    pub(crate) armed_statuses: usize,
 }
 
 pub(crate) const KIND: Manner = Manner {
     answers_max: usize::MAX,
     noise: b"",
     frames_max: usize::MAX,
+    armed_statuses: 0,
 };
 
 /// What a controller has read.
@@ -119,7 +123,8 @@ fn serve(mut from: impl Read, mut to: impl Write, manner: Manner, seen: &Mutex<S
             } else if answers < manner.answers_max {
                 answers += 1;
                 out.extend(manner.noise);
-                answer(&frame, &mut out);
+                let asked = seen.commands.iter().filter(|it| **it == Status::COMMAND);
+                answer(&frame, asked.count() <= manner.armed_statuses, &mut out);
             }
         });
         locked(seen).noise += decoder.counts().noise_bytes - noise;
@@ -130,7 +135,7 @@ fn serve(mut from: impl Read, mut to: impl Write, manner: Manner, seen: &Mutex<S
     }
 }
 
-fn answer(question: &Frame<'_>, out: &mut Vec<u8>) {
+fn answer(question: &Frame<'_>, is_armed: bool, out: &mut Vec<u8>) {
     let version = question.version;
     match question.command {
         ApiVersion::COMMAND => reply(version, &ApiVersion::default(), out),
@@ -141,11 +146,23 @@ fn answer(question: &Frame<'_>, out: &mut Vec<u8>) {
         FcVersion::COMMAND => reply(version, &FcVersion::default(), out),
         BoardInfo::COMMAND => reply(version, &BoardInfo::default(), out),
         BoxIds::COMMAND => boxes(question, out),
-        Status::COMMAND => reply(version, &Status::default(), out),
+        Status::COMMAND => reply(version, &status(is_armed), out),
         Attitude::COMMAND => reply(version, &ATTITUDE, out),
         other => refuse(version, other, out),
     }
     .expect("it fits");
+}
+
+/// The mode ARM is the first one.
+fn status(is_armed: bool) -> Status {
+    let head = StatusHead {
+        modes: u32::from(is_armed),
+        ..StatusHead::default()
+    };
+    Status {
+        head,
+        ..Status::default()
+    }
 }
 
 pub(crate) const ATTITUDE: Attitude = Attitude {

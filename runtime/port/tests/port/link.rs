@@ -1,6 +1,7 @@
 use std::time::{Duration, Instant};
 
 use muster_msp::Telemetry;
+use muster_msp::check::ReceiverMode;
 use muster_msp::{Channel, Message, Mode, RawGps, SetRawRc, Sticks};
 use muster_port::{Event, Link, State};
 
@@ -86,6 +87,20 @@ fn a_lost_port_is_opened_again_and_rc_continues() {
     let before = controller.with_seen(|it| it.rc.len());
     fly(&link, Duration::from_millis(300));
     assert!(controller.with_seen(|it| it.rc.len()) > before);
+    assert_eq!(link.status().opened, 2);
+}
+
+#[test]
+fn a_controller_that_was_armed_when_the_port_opened_is_looked_at_once_it_has_landed() {
+    let controller = Controller::on_tcp(Manner {
+        armed_statuses: 10,
+        ..KIND
+    });
+    let link = Link::start(controller.address.clone(), Some(ReceiverMode::Sole)).expect("threads");
+    wait_for(&link, |it| matches!(it, Event::Identified(_)));
+    // It refuses its settings.
+    let is_unread = |it: &Event| matches!(it, Event::Unfit(unfit) if unfit[0].rule == "unread");
+    wait_for(&link, is_unread);
     assert_eq!(link.status().opened, 2);
 }
 
