@@ -192,8 +192,11 @@ impl Navigation {
             if failure == Failure::Geofence {
                 let altitude_m = self.hold_altitude_m(now, telemetry);
                 self.hold(now, telemetry, altitude_m);
-                self.durable.goal = Some(Goal::Hold);
-                self.set_progress(Progress::Done);
+                // A landing goes on: the mission orders it once.
+                if self.durable.goal != Some(Goal::Land) {
+                    self.durable.goal = Some(Goal::Hold);
+                    self.set_progress(Progress::Done);
+                }
             }
             self.inform(Notice::Failing {
                 failure,

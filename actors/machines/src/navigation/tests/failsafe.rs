@@ -154,3 +154,18 @@ fn navigation_restarted_before_its_first_goal_requests_the_goal() {
     let requested = Output::Transmit(Transmit::Inform(Notice::Resync));
     assert_eq!(rebuilt.poll_output(), requested);
 }
+
+#[test]
+fn drone_that_lands_beyond_its_fence_goes_on_landing() {
+    let fence = Fence::cylinder(50.0, 100.0);
+    let failsafe = Failsafe {
+        fence: Some(fence.into()),
+        ..FAILSAFE
+    };
+    let config = Config { failsafe, ..CONFIG };
+    let mut navigation = Navigation::new(NodeId(0), config, None);
+    handle(&mut navigation, Input::Goal(Goal::Land));
+    let output = handle(&mut navigation, at_rest_at(Ned::new(60.0, 0.0, -20.0)));
+    let land = Transmit::FlightCommand(FlightCommand::Land);
+    assert_eq!(output.last(), Some(&land), "{output:?}");
+}
