@@ -10,6 +10,9 @@ impl Navigation {
     pub(super) fn monitor_landing(&mut self, now: Timestamp, telemetry: &Telemetry) {
         let column = Path::new(telemetry.stop, telemetry.stop.at_altitude(0.0));
         if !telemetry.armed {
+            if std::mem::take(&mut self.awaits_arming) {
+                self.command(FlightCommand::Land);
+            }
             self.set_progress(Progress::Done);
             self.inform(Notice::Landed);
         } else if telemetry.landing {

@@ -43,6 +43,8 @@ pub struct Navigation {
     track_expires_at: Option<Timestamp>,
     /// Whether it goes on from a checkpoint, and has seen no telemetry since.
     is_restored: bool,
+    /// Whether the link was ordered to arm a vehicle that has not armed yet. The link arms it once it can.
+    awaits_arming: bool,
     health: HealthMonitor,
     deconfliction: Deconfliction,
     /// `None` without a map.
@@ -64,12 +66,15 @@ impl Navigation {
             hold_commanded_m: None,
             track_expires_at: None,
             is_restored: false,
+            awaits_arming: false,
             health: HealthMonitor::default(),
             indoor: None,
             outbox: Outbox::new(),
         };
         match checkpoint {
             Some(checkpoint) => {
+                navigation.awaits_arming =
+                    matches!(checkpoint.goal, Some(Goal::TakeOff { arm: true, .. }));
                 navigation.durable = checkpoint;
                 navigation.is_restored = true;
                 navigation.reset_deconfliction(Timestamp::ZERO);
@@ -149,6 +154,7 @@ impl Navigation {
                 velocity: telemetry.velocity,
             });
         }
+        self.awaits_arming &= !telemetry.armed;
         self.resume_tracking(now);
         self.apply_failsafe(now, telemetry);
         let is_landing = telemetry.landing || self.durable.goal == Some(Goal::Land);
@@ -269,6 +275,7 @@ impl Navigation {
                 let has_position = telemetry.position_lost_for.is_none();
                 let has_charge = telemetry.charge > self.config.failsafe.battery_low;
                 if has_position && has_charge {
+                    self.awaits_arming = true;
                     self.command(FlightCommand::Arm);
                 }
                 return;

@@ -169,3 +169,22 @@ fn drone_that_lands_beyond_its_fence_goes_on_landing() {
     let land = Transmit::FlightCommand(FlightCommand::Land);
     assert_eq!(output.last(), Some(&land), "{output:?}");
 }
+
+#[test]
+fn vehicle_that_was_ordered_to_arm_is_told_to_land_before_it_arms() {
+    let take_off = Goal::TakeOff {
+        to: Ned::new(0.0, 100.0, -25.0),
+        transit_altitude_m: 30.0,
+        arm: true,
+    };
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
+    handle(&mut navigation, Input::Goal(take_off));
+    handle(&mut navigation, Input::Telemetry(ON_THE_GROUND));
+    handle(&mut navigation, Input::Goal(Goal::Land));
+    let output = handle(&mut navigation, Input::Telemetry(ON_THE_GROUND));
+    let landed = [
+        Transmit::FlightCommand(FlightCommand::Land),
+        Transmit::Inform(Notice::Landed),
+    ];
+    assert_eq!(output, landed);
+}
