@@ -135,8 +135,12 @@ impl Inbox {
         }
         match content {
             Ok(Some(telemetry)) => {
-                self.look_for_arming(&telemetry);
+                self.note_arming(&telemetry);
                 self.events.push(Event::Telemetry(telemetry));
+                // After the status that says so: nothing is told of a controller behind a closed port.
+                if self.arming.must_look() {
+                    self.close(&io::Error::other("it landed: its settings are looked at"));
+                }
             }
             Ok(None) => {}
             Err(BadAnswer::Refused) => self.answers.refused += 1,
@@ -160,15 +164,12 @@ impl Inbox {
         self.arming.is_disarmed()
     }
 
-    fn look_for_arming(&mut self, telemetry: &Telemetry) {
+    fn note_arming(&mut self, telemetry: &Telemetry) {
         if let (Telemetry::Status(status), Some(identity)) =
             (telemetry, self.conversation.identity())
         {
             let is_armed = identity.boxes.is_active(Mode::Arm, status.modes()) == Some(true);
             self.arming.update(is_armed);
-        }
-        if self.arming.must_look() {
-            self.close(&io::Error::other("it landed: its settings are looked at"));
         }
     }
 

@@ -105,6 +105,27 @@ fn a_controller_that_was_armed_when_the_port_opened_is_looked_at_once_it_has_lan
 }
 
 #[test]
+fn a_port_that_closes_after_a_landing_has_told_twice_that_the_controller_is_disarmed() {
+    let controller = Controller::on_tcp(Manner {
+        armed_statuses: 10,
+        ..KIND
+    });
+    let link = Link::start(controller.address.clone(), Some(ReceiverMode::Sole)).expect("threads");
+    let mut disarmed = 0;
+    loop {
+        match wait_for(&link, |_| true) {
+            Event::Telemetry(Telemetry::Status(status)) if status.head.modes == 0 => disarmed += 1,
+            Event::Closed(_) => break,
+            _ => {}
+        }
+    }
+    assert_eq!(
+        disarmed, 2,
+        "a link to a vehicle believes what is told twice"
+    );
+}
+
+#[test]
 fn unanswered_questions_delay_no_rc_and_rc_stops_when_sticks_do() {
     let controller = Controller::on_tcp(Manner {
         // Enough to be known.
