@@ -114,7 +114,11 @@ impl Inbox {
         }
     }
 
+    /// What is read after the port was closed is of no use: it must be opened and looked at again.
     pub(super) fn take(&mut self, now: Duration, frame: &Frame<'_>) {
+        if self.wire.is_none() {
+            return;
+        }
         self.heard = now;
         self.frames.count(now);
         if frame.direction == Direction::Request {
@@ -139,7 +143,7 @@ impl Inbox {
                 self.events.push(Event::Telemetry(telemetry));
                 // After the status that says so: nothing is told of a controller behind a closed port.
                 if self.arming.must_look() {
-                    self.close(&io::Error::other("it landed: its settings are looked at"));
+                    return self.close(&io::Error::other("it landed: its settings are looked at"));
                 }
             }
             Ok(None) => {}

@@ -126,6 +126,18 @@ fn a_port_that_closes_after_a_landing_has_told_twice_that_the_controller_is_disa
 }
 
 #[test]
+fn a_closed_port_identifies_nobody_until_it_is_open_again() {
+    let controller = Controller::on_tcp(Manner {
+        armed_statuses: 10,
+        ..KIND
+    });
+    let link = Link::start(controller.address.clone(), Some(ReceiverMode::Sole)).expect("threads");
+    wait_for(&link, |it| matches!(it, Event::Closed(_)));
+    let next = wait_for(&link, |_| true);
+    assert!(matches!(next, Event::Unfit(_)), "{next:?}");
+}
+
+#[test]
 fn unanswered_questions_delay_no_rc_and_rc_stops_when_sticks_do() {
     let controller = Controller::on_tcp(Manner {
         // Enough to be known.
