@@ -26,6 +26,8 @@ const DATAGRAM_MAX: usize = 2_048;
 pub struct Status {
     /// The autopilot's system number. `None` before its first heartbeat.
     pub system: Option<u8>,
+    /// Whether the motors are armed, as the last heartbeat said. `None` before the first one.
+    pub armed: Option<bool>,
     /// Messages that were believed.
     pub heard: u64,
     /// Messages that were not believed: of another system, of another autopilot than ArduPilot, with numbers that none has;
@@ -154,8 +156,9 @@ impl Shared {
         };
         match meant {
             Message::Report(report) => {
-                if matches!(report, AutopilotReport::Heartbeat { .. }) {
+                if let AutopilotReport::Heartbeat { armed, .. } = report {
                     (self.status.system, self.peer) = (system, Some(source));
+                    self.status.armed = Some(armed);
                     self.heard_at = Some(Instant::now());
                 }
                 self.status.system?;

@@ -17,8 +17,6 @@ pub(super) struct Piloted {
     pub(super) port: Port,
     /// Newest telemetry for the navigation.
     pub(super) telemetry: Telemetry,
-    /// As its last heartbeat said; `None` before the first.
-    pub(super) is_armed_by_heartbeat: Option<bool>,
 }
 
 /// Heartbeats of an autopilot that does not report a simulation, until that is a warning.
@@ -62,7 +60,6 @@ pub(super) fn open(config: &AutopilotConfig) -> io::Result<(Vehicle, PortEvents)
     let piloted = Piloted {
         port,
         telemetry: UNKNOWN,
-        is_armed_by_heartbeat: None,
     };
     Ok((Vehicle::Piloted(Box::new(piloted)), events))
 }
@@ -84,5 +81,34 @@ impl Piloted {
             bad_frames: status.ignored,
             ..port.into()
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::UdpSocket;
+
+    use super::*;
+
+    /// HEARTBEAT of an armed ArduCopter in GUIDED, as a frame of MAVLink 2.
+    const ARMED: [u8; 21] = [
+        0xFD, 0x09, 0x00, 0x00, 0x00, 0x01, 0x01, 0x00, 0x00, 0x00, 0x04, 0x00, 0x00, 0x00, 0x02,
+        0x03, 0x81, 0x04, 0x03, 0x03, 0x56,
+    ];
+
+    #[tokio::test]
+    async fn a_process_that_starts_in_flight_learns_that_its_autopilot_is_armed() {
+        let free = UdpSocket::bind("127.0.0.1:0").unwrap();
+        let address = free.local_addr().unwrap();
+        drop(free);
+        let config = AutopilotConfig {
+            port: format!("udpin:{address}").parse().unwrap(),
+            stage: Stage::Sim,
+        };
+        let (mut vehicle, _events) = open(&config).unwrap();
+        let autopilot = UdpSocket::bind("127.0.0.1:0").unwrap();
+        autopilot.send_to(&ARMED, address).unwrap();
+        vehicle.learn_whether_armed().await;
+        assert!(vehicle.is_armed());
     }
 }

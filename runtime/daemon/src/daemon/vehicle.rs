@@ -5,7 +5,7 @@ use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
 use muster_machines::geometry::{Ned, Velocity};
-use muster_machines::msp::autopilot::{AutopilotReport, Order};
+use muster_machines::msp::autopilot::Order;
 use muster_machines::msp::controller::{Receiver, Stage};
 use muster_machines::msp::{FlightCommand, Introduction, PortEvent, Telemetry};
 use muster_machines::time::Timestamp;
@@ -26,8 +26,8 @@ pub(super) const EVENTS_MAX: usize = 64;
 /// How long the thread that passes events on waits before it looks whether the process has ended.
 const WAIT: Duration = Duration::from_millis(200);
 
-/// Time for a flight controller to report whether it is armed; after it the process takes it for disarmed. It answers within
-/// half a second.
+/// Time for a flight controller or an autopilot to report whether it is armed; after it the process takes it for disarmed. A
+/// flight controller answers within half a second, an autopilot reports once a second.
 const ARMED_REPORT_TIMEOUT: Duration = Duration::from_secs(2);
 /// From one look whether it has reported that to the next.
 const LOOK_EVERY: Duration = Duration::from_millis(20);
@@ -69,21 +69,30 @@ pub(super) const UNKNOWN: Telemetry = Telemetry {
 };
 
 impl Vehicle {
-    /// Waits until a flight controller has reported whether it is armed, but not for long: it may be off.
+    /// Waits until a flight controller or an autopilot has reported whether it is armed, but not for long: it may be off.
     pub(super) async fn learn_whether_armed(&mut self) {
-        let Self::Controlled(controlled) = self else {
+        if let Self::Simulated(_) = self {
             return;
-        };
+        }
         let reported = async {
             loop {
-                if let Some(armed) = controlled.port.is_armed() {
+                if let Some(armed) = self.is_armed_by_port() {
                     return armed;
                 }
                 tokio::time::sleep(LOOK_EVERY).await;
             }
         };
         if let Ok(armed) = tokio::time::timeout(ARMED_REPORT_TIMEOUT, reported).await {
-            controlled.telemetry.armed = armed;
+            self.update_telemetry(Telemetry { armed, ..UNKNOWN });
+        }
+    }
+
+    /// Whether the port says that the vehicle is armed. `None` if it has not said so yet.
+    fn is_armed_by_port(&self) -> Option<bool> {
+        match self {
+            Self::Simulated(_) => None,
+            Self::Controlled(controlled) => controlled.port.is_armed(),
+            Self::Piloted(piloted) => piloted.port.status().armed,
         }
     }
 
@@ -100,7 +109,7 @@ impl Vehicle {
         match self {
             Self::Simulated(_) => false,
             Self::Controlled(controlled) => controlled.port.is_disarmed(),
-            Self::Piloted(piloted) => piloted.is_armed_by_heartbeat == Some(false),
+            Self::Piloted(piloted) => piloted.port.status().armed == Some(false),
         }
     }
 
@@ -158,15 +167,10 @@ impl Vehicle {
     /// An event of the port. Returns whether it is for the link.
     pub(super) fn handle_port_event(&mut self, now: Timestamp, event: &PortEvent) -> bool {
         let is_for_link = *event == PortEvent::Closed || self.refused().is_empty();
-        match (self, event) {
-            (Self::Controlled(controlled), event) if is_for_link => {
-                controlled.introduction.take(now, event);
-            }
-            (
-                Self::Piloted(piloted),
-                PortEvent::Autopilot(AutopilotReport::Heartbeat { armed, .. }),
-            ) => piloted.is_armed_by_heartbeat = Some(*armed),
-            _ => {}
+        if let Self::Controlled(controlled) = self
+            && is_for_link
+        {
+            controlled.introduction.take(now, event);
         }
         is_for_link
     }
