@@ -36,8 +36,11 @@ pub(super) fn read(document: Document<'_>) -> Result<ParsedMission<'_>, BadInput
     };
     let (frame, mut notes) = frame(document, &xml, path)?;
     let text = content(document, coordinates);
+    // A comment parts the text.
+    let parts = coordinates.children().filter(Node::is_text);
+    let points = parts.flat_map(|part| slice(document, part.range()).split_whitespace());
     let mut items = Vec::new();
-    for point in text.split_whitespace() {
+    for point in points {
         if items.len() == ITEMS_MAX {
             return Err(document.refuse(
                 point,

@@ -63,3 +63,9 @@ fn kml_exported_by_qgroundcontrol_begins_at_home() {
     let refused = parse(Path::new("given"), &flat).unwrap_err().to_string();
     assert_eq!(refused, "point 2: the height above home is 0 m");
 }
+
+#[test]
+fn kml_path_goes_on_after_a_comment() {
+    let commented = KML.replace("39.336,25\n", "39.336,25 <!-- second leg -->\n");
+    assert_eq!(mission(&commented).waypoints(), mission(KML).waypoints());
+}
