@@ -339,7 +339,8 @@ fn describe_elections(elections: &[Election]) -> [(&'static str, String); 3] {
         let Some(longest_s) = times_s.last() else {
             return "never".to_owned();
         };
-        let percentile_s = |percent: usize| times_s[(times_s.len() - 1) * percent / 100];
+        // Nearest rank.
+        let percentile_s = |percent: usize| times_s[(times_s.len() * percent).div_ceil(100) - 1];
         format!(
             "{} of {}: median {:.3} s, 99th percentile {:.3} s, longest {longest_s:.3} s",
             times_s.len(),
