@@ -97,7 +97,7 @@ pub struct Report {
     /// Failures of agents, in order of time.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub agent_failures: Vec<AgentFailure>,
-    /// Values that the drones' agents reported, in order of time.
+    /// Values that the drones' agents reported, in order of time: the first 100,000, and the last of each name of a drone.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub observed: Vec<ObservedValue>,
     /// Groups of drones that flew the mission and could never hear each other meanwhile, not even over others. Omitted if

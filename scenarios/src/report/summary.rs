@@ -394,14 +394,16 @@ fn agent_failures(recorder: &Recorder) -> Vec<AgentFailure> {
 
 fn observed(recorder: &Recorder) -> Vec<ObservedValue> {
     let observed = recorder.observed().iter();
-    observed
+    let mut observed: Vec<_> = observed
         .map(|(at, drone, observed)| ObservedValue {
             at_s: at.as_secs_f64(),
             drone: drone.0,
             name: observed.name.clone(),
             value: observed.value,
         })
-        .collect()
+        .collect();
+    observed.sort_by(|a, b| a.at_s.total_cmp(&b.at_s));
+    observed
 }
 
 fn bridges(recorder: &Recorder) -> Vec<Bridge> {

@@ -77,7 +77,7 @@ impl Recorder {
         self.agents.failures()
     }
 
-    /// Values that agents have reported, in order of time.
+    /// Values that agents have reported: the first ones in order of time, then the last ones of each name.
     pub(crate) fn observed(&self) -> &[(Timestamp, NodeId, Observed)] {
         self.agents.observed()
     }
