@@ -238,7 +238,12 @@ impl<R: Rng> Generator<'_, R> {
     }
 
     fn when(&mut self) -> When {
-        let waypoints = u16::try_from(self.scenario.plan.waypoints.len()).unwrap_or(u16::MAX);
+        let plan = &self.scenario.plan;
+        let waypoints = match plan.follow {
+            // It reaches no other.
+            Some(_) => 1,
+            None => u16::try_from(plan.waypoints.len()).unwrap_or(u16::MAX),
+        };
         let trigger = match self.rng.random_range(0..10) {
             0 => Trigger::TakingOff,
             1 => Trigger::Elected,

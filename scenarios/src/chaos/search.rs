@@ -234,6 +234,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::scenario::{Trigger, When};
 
     fn search(set: &[&str]) -> Search {
         let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("chaos.toml");
@@ -284,5 +285,20 @@ mod tests {
         search.request.set = vec!["limits.altitude_max_m=1".parse().unwrap()];
         let error = search.draw(1).unwrap_err().to_string();
         assert!(error.contains("limit of 1 m"), "{error}");
+    }
+
+    #[test]
+    fn faults_of_a_swarm_that_follows_wait_for_no_waypoint_but_the_first() {
+        let search = search(&["protocol.kind=follow", "relays=[]"]);
+        let mut drawn = 0;
+        for seed in 0..100 {
+            for fault in search.draw(seed).unwrap().plan.faults {
+                if let When::After(Trigger::Waypoint(waypoint), _) = fault.when {
+                    assert_eq!(waypoint, 0, "seed {seed}");
+                    drawn += 1;
+                }
+            }
+        }
+        assert!(drawn > 0);
     }
 }
