@@ -59,7 +59,7 @@ impl History {
                     node.epochs.push((at, index));
                 }
                 what => {
-                    if let Some(condition) = condition(what) {
+                    if let Some(condition) = condition(what, &node.conditions) {
                         node.conditions.push((at, condition));
                     }
                 }
@@ -89,21 +89,33 @@ fn epoch(
 }
 
 /// The condition of a node after something happened to it; `None` if that is as before.
-const fn condition(what: Incident) -> Option<Condition> {
+fn condition(what: Incident, before: &[(Timestamp, Condition)]) -> Option<Condition> {
+    let last = before.last().map(|(_, condition)| *condition);
     match what {
+        // An empty battery ends the process, too.
+        Incident::Killed if last == Some(Condition::Empty) => None,
         Incident::Killed => Some(Condition::Dead),
         Incident::RanEmpty => Some(Condition::Empty),
         Incident::Fell => Some(Condition::Fell),
         Incident::Stopped => Some(Condition::Stopped),
         Incident::Hangs(None) => Some(Condition::Hangs),
         Incident::GivenUp(_) => Some(Condition::Failed),
-        Incident::Rebooted | Incident::Resumed => Some(Condition::Runs),
+        Incident::Rebooted => Some(Condition::Runs),
+        Incident::Resumed => after_hang(before),
         Incident::Routes { .. }
         | Incident::Follows(_)
         | Incident::Lands(_)
         | Incident::Hangs(Some(_))
         | Incident::Restarts(_) => None,
     }
+}
+
+/// The condition after a hang: that before it. `None` if only an actor hung.
+fn after_hang(before: &[(Timestamp, Condition)]) -> Option<Condition> {
+    let (_, last) = before.last()?;
+    let mut others = before.iter().rev().map(|(_, condition)| *condition);
+    let other = others.find(|it| *it != Condition::Hangs);
+    (*last == Condition::Hangs).then_some(other.unwrap_or(Condition::Runs))
 }
 
 fn node(id: NodeId, record: &Record) -> NodeHistory {
@@ -157,4 +169,67 @@ fn jams(world: &Scenario, own: bool, recorder: &Recorder) -> Vec<Jam> {
             })
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+    use std::time::Duration;
+
+    use muster_machines::node::Address;
+
+    use super::*;
+    use crate::engine;
+    use crate::report::Engine;
+    use crate::scenario::{self, DroneFault, Fault, Target};
+
+    #[test]
+    fn a_drone_that_failed_does_not_run_again_after_an_actor_hung() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("thesis-1.toml");
+        let mut world = scenario::load(&path, &[]).unwrap();
+        let fault = |at_s: f64, what| {
+            let kind = FaultKind::Drone(Target::Drone(NodeId(1)), what);
+            Fault::at(Timestamp::from_secs_f64(at_s), kind)
+        };
+        world.faults = vec![
+            Fault {
+                times: 40,
+                every: Duration::from_millis(500),
+                ..fault(60.0, DroneFault::CrashActor(Address::Routing))
+            },
+            Fault {
+                duration: Some(Duration::from_millis(50)),
+                ..fault(81.0, DroneFault::Hang(Some(Address::Radio)))
+            },
+        ];
+        let (_, flight) = engine::run(&world, Engine::Events, None).unwrap();
+        let node = &flight.history.nodes[1];
+        let seen = [80.9, 82.0].map(|at_s| node.condition_at(Timestamp::from_secs_f64(at_s)));
+        assert_eq!(seen, [Condition::Failed; 2], "{:?}", node.conditions);
+    }
+
+    #[test]
+    fn a_drone_with_an_empty_battery_is_not_shown_as_one_of_a_failed_computer() {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("thesis-1.toml");
+        let mut world = scenario::load(&path, &[]).unwrap();
+        let empty = FaultKind::Drone(Target::Drone(NodeId(1)), DroneFault::Drain(0.0));
+        world.faults = vec![Fault::at(Timestamp::from_secs_f64(60.0), empty)];
+        let (report, flight) = engine::run(&world, Engine::Events, None).unwrap();
+        assert!(report.drones[1].state.starts_with("battery empty"));
+        let at = Timestamp::from_secs_f64(61.0);
+        let condition = flight.history.nodes[1].condition_at(at);
+        assert_eq!(condition, Condition::Empty);
+    }
+
+    #[test]
+    fn a_hang_ends_with_the_condition_before_it() {
+        let (failed, hangs) = (
+            (Timestamp::ZERO, Condition::Failed),
+            (Timestamp::ZERO, Condition::Hangs),
+        );
+        assert_eq!(after_hang(&[]), None);
+        assert_eq!(after_hang(&[failed]), None);
+        assert_eq!(after_hang(&[hangs, hangs]), Some(Condition::Runs));
+        assert_eq!(after_hang(&[failed, hangs]), Some(Condition::Failed));
+    }
 }
