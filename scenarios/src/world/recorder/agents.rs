@@ -6,7 +6,7 @@ use muster_machines::agent::Observed;
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
 
-/// Most values, and most failures, of agents that are kept. Later ones are left out, but the last value of each name of a drone.
+/// Most values, and most failures, of agents that are kept. Later ones are left out, but the last of each name of a drone.
 const KEPT_MAX: usize = 100_000;
 /// Most names, over all drones, of which the last value is kept when [`KEPT_MAX`] are.
 const NAMES_MAX: usize = 10_000;
