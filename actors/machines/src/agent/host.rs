@@ -372,8 +372,10 @@ impl Machine for Host {
             {
                 self.handle_telemetry(now, (position, velocity), false);
             }
-            Input::Navigation(NavigationNotice::Arrived) if self.is_running() => {
-                if let Some(at) = self.destination() {
+            Input::Navigation(NavigationNotice::Arrived(goal)) if self.is_running() => {
+                // The agent may have set another goal meanwhile.
+                let is_current = self.state.durable.goal == Some(goal);
+                if let Some(at) = self.destination().filter(|_| is_current) {
                     self.handle_telemetry(now, (at, Velocity::new(0.0, 0.0, 0.0)), true);
                 }
             }

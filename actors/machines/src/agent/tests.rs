@@ -21,6 +21,11 @@ use crate::wire;
 
 const SECOND: Duration = Duration::from_secs(1);
 const TICK: TimerId = TimerId(7);
+/// Where an agent flies from its slot.
+const FIRST_GOAL: Goal = Goal::FlyTo {
+    to: Ned::new(50.0, 0.0, -10.0),
+    hold_altitude_m: 10.0,
+};
 
 /// What the agent was told, in order.
 type Calls = Arc<Mutex<Vec<String>>>;
@@ -57,6 +62,7 @@ impl Agent for Recorder {
         match payload {
             b"land later" => context.set_timer(TimerId(8), SECOND),
             b"land" => context.land(),
+            b"go on" => context.go_to(Ned::new(90.0, 0.0, -10.0)),
             b"arrivals only" => context.set_telemetry(None),
             b"as often as possible" => context.set_telemetry(Some(Duration::ZERO)),
             b"panic" => {
@@ -259,7 +265,7 @@ fn member_in_slot() -> Drone {
     };
     drone.order(1, &plan);
     drone.order(2, &Order::TakeOff { wave: 0 });
-    drone.input(Input::Navigation(NavigationNotice::Arrived));
+    drone.input(Input::Navigation(NavigationNotice::Arrived(FIRST_GOAL)));
     drone.notice(Notice::RoutesReady);
     assert_eq!(drone.calls(), Vec::<String>::new());
     drone
@@ -337,7 +343,7 @@ fn agent_sets_the_period_of_its_telemetry_until_it_restarts() {
     drone.message(b"arrivals only");
     assert_eq!(requests(drone.wait(5 * SECOND)), 0);
     drone.calls();
-    drone.input(Input::Navigation(NavigationNotice::Arrived));
+    drone.input(Input::Navigation(NavigationNotice::Arrived(FIRST_GOAL)));
     assert_eq!(drone.calls(), ["telemetry, arrived true"]);
     drone.message(b"as often as possible");
     for _ in 0..2 {
@@ -357,7 +363,7 @@ fn agent_gets_positions_arrivals_messages_and_timers() {
         position: Ned::HOME,
         velocity: Velocity::new(1.0, 0.0, 0.0),
     }));
-    drone.input(Input::Navigation(NavigationNotice::Arrived));
+    drone.input(Input::Navigation(NavigationNotice::Arrived(FIRST_GOAL)));
     drone.message(b"hello");
     let (_, events) = drone.wait(SECOND);
     assert_eq!(
@@ -374,6 +380,15 @@ fn agent_gets_positions_arrivals_messages_and_timers() {
         value: 1.0,
     });
     assert!(events.contains(&observed));
+}
+
+#[test]
+fn agent_is_not_told_of_an_arrival_at_a_place_that_it_left_for_another() {
+    let mut drone = member_on_task();
+    drone.message(b"go on");
+    drone.calls();
+    drone.input(Input::Navigation(NavigationNotice::Arrived(FIRST_GOAL)));
+    assert_eq!(drone.calls(), Vec::<String>::new());
 }
 
 #[test]

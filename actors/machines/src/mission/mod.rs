@@ -385,7 +385,7 @@ impl Machine for Mission {
                 self.handle_routing(now, notice);
                 self.advance(now);
             }
-            Input::Navigation(NavigationNotice::Arrived) => self.handle_arrival(now),
+            Input::Navigation(NavigationNotice::Arrived(_)) => self.handle_arrival(now),
             Input::Navigation(NavigationNotice::Position { position, velocity }) => {
                 self.handle_position(now, position, velocity);
             }

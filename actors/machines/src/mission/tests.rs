@@ -125,7 +125,11 @@ fn notify(mission: &mut Mission, at_s: f64, notice: RoutingNotice) -> Vec<Transm
 }
 
 fn arrive(mission: &mut Mission, at_s: f64) -> Vec<Transmit> {
-    send(mission, at_s, Input::Navigation(NavigationNotice::Arrived))
+    send(
+        mission,
+        at_s,
+        Input::Navigation(NavigationNotice::Arrived(Goal::Hold)),
+    )
 }
 
 fn progress(member: u32, acknowledged: u32) -> RoutingNotice {

@@ -57,8 +57,8 @@ pub enum Transmit {
 /// Notice to the mission.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Notice {
-    /// The goal is reached and the drone is at rest.
-    Arrived,
+    /// This goal is reached and the drone is at rest. The mission may have set another one meanwhile.
+    Arrived(Goal),
     /// Answer to [`Input::Locate`].
     Position {
         /// Position.

@@ -143,7 +143,7 @@ impl Navigation {
         self.inform(if goal == Goal::Land {
             Notice::Landed
         } else {
-            Notice::Arrived
+            Notice::Arrived(goal)
         });
     }
 

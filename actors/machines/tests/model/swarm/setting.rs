@@ -121,7 +121,7 @@ pub(crate) fn in_flight(configs: &[Config]) -> Vec<Arc<Drone>> {
     drones[master].handle(Input::Fly);
     exchange(&mut drones);
     for input in [
-        Input::Navigation(navigation::Notice::Arrived),
+        Input::Navigation(navigation::Notice::Arrived(navigation::Goal::Hold)),
         Input::Routing(Notice::RoutesReady),
     ] {
         for drone in &mut drones {
