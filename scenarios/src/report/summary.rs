@@ -313,12 +313,12 @@ fn barriers(recorder: &Recorder) -> Vec<Barrier> {
     let crossings = recorder.barriers().iter();
     crossings
         .filter_map(|(waypoint, crossing)| {
-            let (sent_before, arrived) = (crossing.begun?, crossing.arrived?);
-            let (moving, sent_after) = crossing.moving?;
+            let (sent_before, left) = (crossing.begun?, crossing.left?);
+            let sent_after = left.sent;
             Some(Barrier {
                 waypoint: *waypoint,
-                arrived_s: arrived.as_secs_f64(),
-                moving_s: moving.as_secs_f64(),
+                arrived_s: left.arrived.as_secs_f64(),
+                moving_s: left.at.as_secs_f64(),
                 transmissions: sent_after.news.saturating_sub(sent_before.news),
                 keep_alives: sent_after
                     .keep_alives
@@ -378,7 +378,7 @@ pub(crate) fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
     }
     let last = u16::try_from(scenario.plan.waypoints.len() - 1).ok();
     let crossing = last.and_then(|last| recorder.barriers().get(&last));
-    crossing.is_some_and(|crossing| crossing.moving.is_some())
+    crossing.is_some_and(|crossing| crossing.left.is_some())
 }
 
 fn agent_failures(recorder: &Recorder) -> Vec<AgentFailure> {

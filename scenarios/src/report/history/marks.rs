@@ -210,7 +210,7 @@ fn splits(whole: &[Vec<NodeId>], segments: &[Vec<NodeId>]) -> bool {
 fn waypoints(recorder: &Recorder) -> impl Iterator<Item = Mark> + '_ {
     let crossings = recorder.barriers().iter();
     crossings.filter_map(|(waypoint, crossing)| {
-        let (at, _) = crossing.moving?;
+        let at = crossing.left?.at;
         let text = format!("the last drone leaves waypoint {waypoint}");
         Some(Mark::new(at, MarkKind::Waypoint, Vec::new(), text))
     })

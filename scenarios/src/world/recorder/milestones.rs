@@ -9,8 +9,17 @@ use super::Frames;
 #[derive(Debug, Clone, Copy, Default)]
 pub(crate) struct Crossing {
     pub(crate) begun: Option<Frames>,
-    pub(crate) arrived: Option<Timestamp>,
-    pub(crate) moving: Option<(Timestamp, Frames)>,
+    arrived: Option<Timestamp>,
+    pub(crate) left: Option<Departure>,
+}
+
+/// The last departure from a waypoint so far.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Departure {
+    /// The last arrival before it. One that comes later waits for nobody.
+    pub(crate) arrived: Timestamp,
+    pub(crate) at: Timestamp,
+    pub(crate) sent: Frames,
 }
 
 /// A change of formation: when the first drone began it, when the last ended it, and how many did.
@@ -52,7 +61,12 @@ impl Milestones {
         sent: Frames,
     ) {
         if let Some(State::WaypointReached { waypoint }) = before {
-            self.barriers.entry(waypoint).or_default().moving = Some((now, sent));
+            let crossing = self.barriers.entry(waypoint).or_default();
+            crossing.left = crossing.arrived.map(|arrived| Departure {
+                arrived,
+                at: now,
+                sent,
+            });
         }
         if let State::ChangingFormation { change, .. } = state {
             self.changes.entry(change).or_insert(Change {
@@ -74,5 +88,23 @@ impl Milestones {
             crossing.arrived = Some(now);
             self.steps_done += 1;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn drone_that_arrives_after_the_others_have_left_is_in_no_wait() {
+        let (mut milestones, sent) = (Milestones::default(), Frames::default());
+        let at = Timestamp::from_nanos;
+        let reached = State::WaypointReached { waypoint: 1 };
+        let moves = State::MovingToWaypoint { waypoint: 2 };
+        milestones.enters(at(10), None, reached, sent);
+        milestones.enters(at(30), Some(reached), moves, sent);
+        milestones.enters(at(40), None, reached, sent);
+        let left = milestones.barriers[&1].left.unwrap();
+        assert_eq!((left.arrived, left.at), (at(10), at(30)));
     }
 }
