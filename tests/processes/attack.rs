@@ -305,7 +305,7 @@ fn altered(genuine: &[u8], alter: impl FnOnce(&mut Header)) -> Vec<u8> {
     let frame = wire::decode_frame(genuine).unwrap();
     let mut header = frame.header;
     alter(&mut header);
-    let mut altered = wire::encode_covered(&header, frame.payload, Vec::new());
+    let mut altered = wire::encode_covered(&header, frame.payload);
     altered.extend_from_slice(frame.authenticator);
     altered
 }

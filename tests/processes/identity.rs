@@ -211,7 +211,7 @@ fn forged_from(frame: &[u8]) -> Vec<u8> {
         counter: u64::MAX,
         ..recorded.header
     };
-    let mut forged = wire::encode_covered(&header, recorded.payload, Vec::new());
+    let mut forged = wire::encode_covered(&header, recorded.payload);
     forged.extend_from_slice(&[0x5a; AUTHENTICATOR_LEN]);
     forged
 }

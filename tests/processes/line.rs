@@ -225,7 +225,7 @@ impl Attacker {
                 ballot: Ballot { term, rank, master },
                 ..frame.header
             };
-            let mut datagram = encode_covered(&header, frame.payload, Vec::new());
+            let mut datagram = encode_covered(&header, frame.payload);
             let signature = self.captured.sign(&datagram);
             datagram.extend(signature);
             self.send_slowly(&datagram);
