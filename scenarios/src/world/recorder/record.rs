@@ -101,19 +101,12 @@ impl Record {
         reached.collect::<BTreeSet<_>>().len()
     }
 
-    /// Its waits at waypoints, from arrival to departure, changes of formation there included.
+    /// Its waits at waypoints, from arrival to departure.
     pub(crate) fn waits(&self) -> impl Iterator<Item = Duration> + '_ {
-        let mut arrived = None;
         self.states
-            .iter()
-            .filter_map(move |(at, state)| match state {
-                State::WaypointReached { .. } => {
-                    arrived.get_or_insert(*at);
-                    None
-                }
-                State::ChangingFormation { .. } => None,
-                _ => arrived.take().map(|arrived| *at - arrived),
-            })
+            .windows(2)
+            .filter(|pair| matches!(pair[0].1, State::WaypointReached { .. }))
+            .map(|pair| pair[1].0 - pair[0].0)
     }
 }
 
@@ -130,32 +123,4 @@ pub(super) const fn is_in_discovery_or_beyond(state: State) -> bool {
             | State::Assembling
             | State::OnTask
     )
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_change_of_formation_is_part_of_the_wait_at_its_waypoint() {
-        let mut record = Record::new();
-        let reached = |waypoint| State::WaypointReached { waypoint };
-        let changes = State::ChangingFormation {
-            change: 0,
-            step: muster_machines::mission::Step::Climb,
-        };
-        record.states.extend(
-            [
-                (10, reached(0)),
-                (12, changes),
-                (40, reached(0)),
-                (41, State::MovingToWaypoint { waypoint: 1 }),
-                (60, reached(1)),
-                (63, State::MovingToLand),
-            ]
-            .map(|(seconds, state)| (Timestamp::from_nanos(seconds * 1_000_000_000), state)),
-        );
-        let waits: Vec<_> = record.waits().collect();
-        assert_eq!(waits, [31, 3].map(Duration::from_secs));
-    }
 }
