@@ -228,7 +228,8 @@ pub struct DroneReport {
     /// Whether both counts lack the frames since its last report, since its process was killed.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
     pub messages_at_least: bool,
-    /// Mean time from its arrival at a waypoint to its departure.
+    /// Mean time from its arrival at a waypoint to its departure, or to a change of formation there. What it waits after
+    /// the change counts as another.
     pub waypoint_delay_s: Option<f64>,
     /// Longest such time.
     pub waypoint_delay_max_s: Option<f64>,
