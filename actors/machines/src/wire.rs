@@ -39,7 +39,9 @@ pub use self::message::{
     Accepted, Destination, MESSAGE_FRAME_MAX, MESSAGE_HOPS_MAX, MESSAGE_MAX, Message, MessageBody,
     MessageFrame, message_pieces,
 };
-pub use self::order::{HOLD_MAX, Order, PLAN_PART_MAX, RUNS_MAX, Step, decode_order, encode_order};
+pub use self::order::{
+    HOLD_MAX, Order, PLAN_PART_MAX, Step, TASK_RUNS_MAX, decode_order, encode_order,
+};
 pub use self::packet::{ETX_UNIT, Flood, Member, Packet, Reception, Tree};
 pub use self::radio::{RadioPacket, decode_radio_packet, encode_radio_packet};
 pub use self::routing::{

@@ -54,7 +54,7 @@ impl Mission {
 
     /// Whether the drone flies in a layer that no other drone uses.
     pub(super) fn flies_in_own_layer(&self) -> bool {
-        self.is_in_own_layer() && self.layout().layering() == Layering::PerDrone
+        self.durable.lockstep.in_layer && self.layout().layering() == Layering::PerDrone
     }
 
     /// As master: orders a step and starts it.
@@ -82,9 +82,7 @@ impl Mission {
     fn start_step(&mut self, now: Timestamp, change: u16, (step, wave): (Step, u16)) {
         self.durable.progress.wave = (step == Step::Cross).then_some(wave);
         self.enter(State::ChangingFormation { change, step });
-        if self.is_elected_epoch() {
-            self.durable.lockstep.layer = Some(self.config.id);
-        }
+        self.durable.lockstep.in_layer |= self.is_elected_epoch();
         self.outbox.transmit(Transmit::TopologyChanges);
         self.durable.deadlines.limit = Some(now + self.config.leg_limit);
         self.send_goal();

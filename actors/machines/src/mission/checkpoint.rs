@@ -240,9 +240,8 @@ impl Orders {
 /// Whether the drone flies in step with the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Default, Serialize, Deserialize)]
 pub struct Lockstep {
-    /// The drone in whose altitude layer this one flies, as some drones may not be in lockstep with it: itself, or its
-    /// master with all that are in step. `None` at the altitude of the waypoints.
-    pub layer: Option<NodeId>,
+    /// Whether the drone flies in its own altitude layer, as some drones may not be in lockstep with it.
+    pub in_layer: bool,
     /// Whether it is on its way to catch up with the others.
     pub catches_up: bool,
 }
@@ -325,8 +324,6 @@ pub struct Lead {
     pub followed: Option<Followed>,
     /// The last hold that began.
     pub hold: Option<Hold>,
-    /// The strays without which the others fly in the master's layer. `None` if they don't.
-    pub together_without: Option<NodeSet>,
 }
 
 /// State of a master that is followed.
@@ -401,11 +398,11 @@ impl Lead {
         self.silent = self.silent.difference(members);
     }
 
-    /// Members that may fly elsewhere: they are silent or left out, and have not announced that they land.
-    pub(super) fn strays(&self) -> NodeSet {
+    /// Whether some members may fly elsewhere: they are silent or left out, and have not announced that they land.
+    pub(super) fn has_strays(&self) -> bool {
         let mut missed = self.silent.clone();
         missed.extend_from(&self.left_out);
-        missed.difference(&self.landing)
+        !missed.difference(&self.landing).is_empty()
     }
 
     /// Whether no member flies with the master any more, though some fell silent in the air.

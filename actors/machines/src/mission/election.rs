@@ -165,7 +165,7 @@ impl Mission {
     /// As newly elected master: issues the order that the drone itself executes.
     fn repeat_own_order(&mut self, now: Timestamp) {
         // Members of an elected master move into their layers by themselves, once they are at a waypoint.
-        let apart = self.durable.lockstep.layer.is_some();
+        let apart = self.durable.lockstep.in_layer;
         let (order, limit) = match self.durable.state {
             State::TakingOff | State::NeighbourDiscovery | State::HopUpdate => {
                 // Drones on the ground refuse it. It continues once those in the air are in their slots.

@@ -8,7 +8,6 @@
 use super::{Alone, Event, LandingReason, Lead, Mission, State, Succession, Transmit};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
-use crate::identity::NodeId;
 use crate::msp::LandingCause;
 use crate::navigation::{Failure, Goal};
 use crate::time::Timestamp;
@@ -180,7 +179,7 @@ impl Mission {
 
     /// Whether it lands below its slot, out of lockstep with the others.
     pub(super) fn lands_below_slot(&self) -> bool {
-        self.is_in_own_layer() && self.layout().lands_below_slot()
+        self.durable.lockstep.in_layer && self.layout().lands_below_slot()
     }
 
     /// Centre of the drone's landing that is due around `centre`. Out of lockstep it is moved to where no path leads
@@ -246,15 +245,10 @@ impl Mission {
 
     /// Altitude of the drone's own layer around a centre, and its hold altitude in lockstep, in metres above home.
     pub(super) fn altitude_alone_m(&self, centre: Ned) -> f64 {
-        self.altitude_in_layer_m(self.config.id, centre)
-    }
-
-    /// Altitude of the layer of drone `id` around a centre, in metres above home.
-    pub(super) fn altitude_in_layer_m(&self, id: NodeId, centre: Ned) -> f64 {
         if flaw::has(Flaw::SkipsLayers) {
             return centre.altitude_m();
         }
         self.flight_plan()
-            .altitude_alone_m(id, self.durable.progress.changes, centre)
+            .altitude_alone_m(self.config.id, self.durable.progress.changes, centre)
     }
 }

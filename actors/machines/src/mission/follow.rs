@@ -82,7 +82,7 @@ impl Mission {
             .plan
             .waypoints
             .get(usize::from(followed.destination_waypoint))?;
-        if self.durable.lockstep.layer.is_some() {
+        if self.durable.lockstep.in_layer {
             return Some(self.goal_in_layer(*waypoint));
         }
         let to = self.layout().slot(self.config.id, *waypoint);
@@ -168,7 +168,7 @@ impl Mission {
             destination_waypoint.and_then(|it| self.durable.plan.waypoints.get(usize::from(it)));
         let is_piloted = self.config.following().is_some_and(|it| it.is_piloted);
         match waypoint {
-            Some(waypoint) if self.durable.lockstep.layer.is_some() && !is_piloted => {
+            Some(waypoint) if self.durable.lockstep.in_layer && !is_piloted => {
                 waypoint.altitude_m()
             }
             _ => at.altitude_m(),
@@ -195,7 +195,7 @@ impl Mission {
         self.durable.orders.pending = None;
         let slot = self.layout().slot(self.config.id, at);
         let hold_altitude_m = self.altitude_alone_m(at);
-        let to = if self.durable.lockstep.layer.is_some() {
+        let to = if self.durable.lockstep.in_layer {
             slot.at_altitude(hold_altitude_m)
         } else {
             slot
@@ -210,7 +210,7 @@ impl Mission {
 
     /// Leaves lockstep under an elected master, as other drones may follow another one.
     fn leave_lockstep_if_elected(&mut self) {
-        if self.is_elected_epoch() && !self.is_in_own_layer() {
+        if self.is_elected_epoch() && !self.durable.lockstep.in_layer {
             self.leave_lockstep();
         }
     }

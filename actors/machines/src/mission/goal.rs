@@ -12,10 +12,12 @@ impl Mission {
             // On task the agent sets the goals.
             State::Start | State::SetUp | State::OnTask => None,
             State::TakingOff | State::NeighbourDiscovery | State::HopUpdate
-                if self.durable.lockstep.layer.is_some() && !self.is_taking_off() =>
+                if self.durable.lockstep.in_layer && !self.is_taking_off() =>
             {
-                let centre = self.durable.plan.waypoint(0)?;
-                Some(self.goal_at_slot(centre, centre))
+                self.durable
+                    .plan
+                    .waypoint(0)
+                    .map(|centre| self.goal_in_layer(centre))
             }
             State::TakingOff => self.take_off_goal(),
             State::NeighbourDiscovery | State::HopUpdate => None,
@@ -63,18 +65,12 @@ impl Mission {
     /// The drone's slot around a centre: in its own layer if it is not in lockstep. In lockstep its hold altitude is the
     /// layer above `below`.
     fn goal_at_slot(&self, centre: Ned, below: Ned) -> Goal {
-        let slot = self.layout().slot(self.config.id, centre);
-        let hold_altitude_m = self.altitude_alone_m(below);
-        match self.durable.lockstep.layer {
-            None => Goal::FlyTo {
-                to: slot,
-                hold_altitude_m,
-            },
-            Some(id) if id == self.config.id => self.goal_in_layer(centre),
-            Some(master) => Goal::FlyLevelTo {
-                to: slot.at_altitude(self.altitude_in_layer_m(master, centre)),
-                hold_altitude_m,
-            },
+        if self.durable.lockstep.in_layer {
+            return self.goal_in_layer(centre);
+        }
+        Goal::FlyTo {
+            to: self.layout().slot(self.config.id, centre),
+            hold_altitude_m: self.altitude_alone_m(below),
         }
     }
 
@@ -111,7 +107,7 @@ impl Mission {
         ];
         if flaw::has(Flaw::FliesToLandingInOneLayer) {
             at.altitude_m()
-        } else if ends.contains(&Some(at)) && self.durable.lockstep.layer.is_none() {
+        } else if ends.contains(&Some(at)) && !self.durable.lockstep.in_layer {
             at.altitude_m() + self.layout().landing_layers_m()[self.config.id.0 as usize]
         } else {
             self.altitude_alone_m(at)

@@ -2,7 +2,6 @@
 
 use super::{Barrier, Conduct, Event, Lead, Mission, Order, State, Step, Transmit};
 use crate::flaw::{self, Flaw};
-use crate::formation::Layering;
 use crate::geometry::Ned;
 use crate::identity::{Ballot, NodeSet};
 use crate::time::Timestamp;
@@ -163,7 +162,8 @@ impl Mission {
         if let State::WaypointReached { .. } = self.durable.state {
             if self.durable.progress.opened.is_none() {
                 self.durable.progress.opened = Some(0);
-                self.order_move(0);
+                let apart = self.leave_lockstep_if_strays();
+                self.issue_order(&Order::Move { waypoint: 0, apart });
                 self.outbox.event(Event::Opened { waypoint: 0 });
             }
             self.complete_order();
@@ -237,7 +237,11 @@ impl Mission {
             self.start_task();
         } else if usize::from(next) < self.durable.plan.waypoints.len() {
             self.durable.progress.opened = Some(next);
-            self.order_move(next);
+            let apart = self.leave_lockstep_if_strays();
+            self.issue_order(&Order::Move {
+                waypoint: next,
+                apart,
+            });
             self.outbox.event(Event::Opened { waypoint: next });
             self.start_leg(now, next);
         } else {
@@ -294,42 +298,10 @@ impl Mission {
 
     /// As master: leaves lockstep if some members may fly elsewhere. Returns whether all must fly in their own layers.
     pub(super) fn leave_lockstep_if_strays(&mut self) -> bool {
-        let Some(lead) = &mut self.durable.lead else {
-            return self.durable.lockstep.layer.is_some();
-        };
-        lead.together_without = None;
-        if !lead.strays().is_empty() {
+        if self.durable.lead.as_ref().is_some_and(Lead::has_strays) {
             self.leave_lockstep();
         }
-        self.durable.lockstep.layer.is_some()
-    }
-
-    /// Orders all to a waypoint. Members that are missed for the first time climb to their layers soon, or hover: the others
-    /// climb to the lowest, which is the master's, and through no other. Who is missed later may hover there.
-    fn order_move(&mut self, waypoint: u16) {
-        if let Some(strays) = self.strays_from_all_together() {
-            self.leave_lockstep();
-            if let Some(lead) = &mut self.durable.lead {
-                lead.together_without = Some(strays.clone());
-            }
-            return self.issue_order(&Order::MoveTogether { waypoint, strays });
-        }
-        let apart = self.leave_lockstep_if_strays();
-        self.issue_order(&Order::Move { waypoint, apart });
-    }
-
-    /// The strays, if all others fly in the master's layer from now on, or do so already.
-    fn strays_from_all_together(&self) -> Option<NodeSet> {
-        let may_fly_together = self.layout().layering() == Layering::PerDrone
-            && !self.is_elected_epoch()
-            && self.config.following().is_none()
-            && self.config.conduct != Conduct::Task;
-        let lead = self.durable.lead.as_ref().filter(|_| may_fly_together)?;
-        let strays = lead.strays();
-        match &lead.together_without {
-            Some(known) => strays.difference(known).is_empty().then(|| known.clone()),
-            None => (self.durable.lockstep.layer.is_none() && !strays.is_empty()).then_some(strays),
-        }
+        self.durable.lockstep.in_layer
     }
 
     /// As master: stops waiting for the members that have not executed the newest order.

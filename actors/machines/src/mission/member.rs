@@ -5,7 +5,6 @@ use std::time::Duration;
 use super::{Event, LandingReason, Mission, Order, State, Transmit};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
-use crate::identity::NodeSet;
 use crate::time::Timestamp;
 
 impl Mission {
@@ -21,9 +20,6 @@ impl Mission {
         {
             self.leave_lockstep();
         }
-        if let Order::MoveTogether { strays, .. } = &order {
-            self.leave_lockstep_beside(strays);
-        }
         match order {
             Order::Plan {
                 index,
@@ -32,9 +28,7 @@ impl Mission {
                 holds,
             } => self.execute_plan(sequence, (index, count), &waypoints, &holds),
             Order::TakeOff { wave } => self.execute_take_off(now, sequence, wave),
-            Order::Move { waypoint, .. } | Order::MoveTogether { waypoint, .. } => {
-                self.execute_move(sequence, waypoint);
-            }
+            Order::Move { waypoint, .. } => self.execute_move(sequence, waypoint),
             Order::Land {
                 at, changes, wave, ..
             } => self.execute_landing(now, sequence, (at, changes, wave)),
@@ -44,18 +38,6 @@ impl Mission {
             Order::Follow { at, velocity } => self.execute_follow(at, velocity),
             Order::Assemble { at } => self.execute_assembly(now, sequence, at),
             Order::Task { drones } => self.execute_task(sequence, drones),
-        }
-    }
-
-    /// Flies in the master's layer if it is in step, in its own if it is one of the strays or flies there already.
-    fn leave_lockstep_beside(&mut self, strays: &NodeSet) {
-        let ballot = self.durable.leader.ballot();
-        let master = ballot.filter(|it| !it.is_elected()).map(|it| it.master);
-        match master {
-            Some(master) if !strays.contains(self.config.id) && !self.is_in_own_layer() => {
-                self.fly_in_layer_of(master);
-            }
-            _ => self.leave_lockstep(),
         }
     }
 

@@ -25,7 +25,7 @@ pub use interface::{Event, Input, LandingReason, Transmit};
 
 use crate::flaw::{self, Flaw};
 use crate::formation::{FlightPlan, Layout};
-use crate::identity::{NodeId, NodeSet};
+use crate::identity::NodeSet;
 use crate::machine::{Machine, Outbox, Output};
 use crate::navigation::Notice as NavigationNotice;
 use crate::stall::StallDetector;
@@ -180,10 +180,8 @@ impl Mission {
     fn start_leg(&mut self, now: Timestamp, waypoint: u16) {
         self.enter(State::MovingToWaypoint { waypoint });
         let has_fallen_behind = self.durable.progress.opened > Some(waypoint);
-        if self.is_elected_epoch() || has_fallen_behind {
+        if self.durable.lockstep.in_layer || self.is_elected_epoch() || has_fallen_behind {
             self.leave_lockstep();
-        } else if self.durable.lockstep.layer.is_some() {
-            self.outbox.transmit(Transmit::TopologyChanges);
         }
         self.durable.deadlines.limit = Some(now + self.config.leg_limit);
         self.send_goal();
@@ -197,18 +195,8 @@ impl Mission {
 
     /// Flies in its own altitude layer from now on. The links to the others may change by that.
     pub(super) fn leave_lockstep(&mut self) {
-        self.fly_in_layer_of(self.config.id);
-    }
-
-    /// Flies in the altitude layer of drone `id` from now on.
-    fn fly_in_layer_of(&mut self, id: NodeId) {
-        self.durable.lockstep.layer = Some(id);
+        self.durable.lockstep.in_layer = true;
         self.outbox.transmit(Transmit::TopologyChanges);
-    }
-
-    /// Whether the drone flies in its own altitude layer.
-    pub(super) fn is_in_own_layer(&self) -> bool {
-        self.durable.lockstep.layer == Some(self.config.id)
     }
 
     /// Whether later take-off waves may fly over the drone's slot. A climb from there would cross their paths.
@@ -231,7 +219,7 @@ impl Mission {
             } => self.durable.orders.pending.is_none() && self.master_silent.is_some(),
             _ => false,
         };
-        if is_needed && !self.is_in_own_layer() {
+        if is_needed && !self.durable.lockstep.in_layer {
             self.leave_lockstep();
             self.send_goal();
         }

@@ -7,7 +7,6 @@ mod hold;
 mod landing;
 mod restart;
 mod start;
-mod together;
 mod waves;
 
 use std::num::NonZeroU32;

@@ -27,13 +27,6 @@ pub enum Goal {
         /// Hold altitude if the leg is interrupted, in metres above home.
         hold_altitude_m: f64,
     },
-    /// Climb or descend to the altitude of `to`, then fly level, in step with others at that altitude.
-    FlyLevelTo {
-        /// Destination.
-        to: Ned,
-        /// As in [`Self::FlyTo`].
-        hold_altitude_m: f64,
-    },
     /// Climb or descend to the altitude of `to`, then fly level.
     TransitTo {
         /// Destination.
@@ -66,9 +59,6 @@ impl Goal {
             Self::FlyTo {
                 hold_altitude_m, ..
             }
-            | Self::FlyLevelTo {
-                hold_altitude_m, ..
-            }
             | Self::Track {
                 hold_altitude_m, ..
             } => Some(hold_altitude_m),
@@ -83,11 +73,7 @@ impl Goal {
     /// Whether the drone may leave its path for another drone.
     pub(super) const fn may_make_room(self) -> bool {
         match self {
-            Self::TakeOff { .. }
-            | Self::FlyTo { .. }
-            | Self::FlyLevelTo { .. }
-            | Self::TransitTo { .. }
-            | Self::Hold => true,
+            Self::TakeOff { .. } | Self::FlyTo { .. } | Self::TransitTo { .. } | Self::Hold => true,
             Self::Track { .. } | Self::Yield | Self::Land => false,
         }
     }
@@ -108,16 +94,6 @@ impl Goal {
                 to,
                 hold_altitude_m,
             } => corners_from_hold_altitude(start, to, hold_altitude_m),
-            Self::FlyLevelTo {
-                to,
-                hold_altitude_m,
-            } => {
-                let mut corners = corners_from_hold_altitude(start, to, hold_altitude_m);
-                if corners.len() == 1 {
-                    corners.insert(0, start.at_altitude(to.altitude_m()));
-                }
-                corners
-            }
             Self::TransitTo { to } => vec![start.at_altitude(to.altitude_m()), to],
             Self::Hold => vec![start],
             Self::Land | Self::Track { .. } | Self::Yield => Vec::new(),

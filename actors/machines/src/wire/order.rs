@@ -12,8 +12,8 @@ use crate::identity::NodeSet;
 /// Most waypoints in one [`Order::Plan`], so that it fits a payload beside the sets of members.
 pub const PLAN_PART_MAX: usize = 24;
 
-/// Most runs of ids in one order, so that it fits a payload beside the sets of members.
-pub const RUNS_MAX: usize = 32;
+/// Most runs of ids in one [`Order::Task`], so that it fits a payload beside the sets of members.
+pub const TASK_RUNS_MAX: usize = 32;
 
 /// Longest hold at one waypoint: longer than multicopters fly.
 pub const HOLD_MAX: Duration = Duration::from_secs(3_600);
@@ -44,14 +44,6 @@ pub enum Order {
         waypoint: u16,
         /// Whether drones may be separated from the swarm, so that all fly in their altitude layers from now on.
         apart: bool,
-    },
-    /// Fly to a waypoint in the master's altitude layer, in step; carried out on arrival.
-    MoveTogether {
-        /// Index of the waypoint.
-        waypoint: u16,
-        /// Drones that may be separated from the swarm: each flies in its own layer. If they are more than
-        /// [`RUNS_MAX`] runs of ids, some others are among them.
-        strays: NodeSet,
     },
     /// Gather beside the master and land; carried out on the ground.
     Land {
@@ -84,7 +76,7 @@ pub enum Order {
     },
     /// Each drone's agent decides where it flies. The next such order replaces it; carried out at once.
     Task {
-        /// The drones on task. If they are more than [`RUNS_MAX`] runs of ids, some others are among them.
+        /// The drones on task. If they are more than [`TASK_RUNS_MAX`] runs of ids, some others are among them.
         drones: NodeSet,
     },
     /// Stop following: go to the slot around a centre at rest; carried out on arrival.
@@ -170,11 +162,6 @@ enum WireOrder {
     Task {
         runs: Vec<(u32, u32)>,
     },
-    /// Strays as the drones of a task.
-    MoveTogether {
-        waypoint: u16,
-        strays: Vec<(u32, u32)>,
-    },
 }
 
 #[derive(Serialize, Deserialize)]
@@ -197,10 +184,6 @@ pub fn encode_order(order: &Order) -> Vec<u8> {
         Order::TakeOff { wave: 0 } => WireOrder::TakeOff,
         Order::TakeOff { wave } => WireOrder::TakeOffInWave { wave },
         Order::Move { waypoint, apart } => WireOrder::Move { waypoint, apart },
-        Order::MoveTogether { waypoint, strays } => WireOrder::MoveTogether {
-            waypoint,
-            strays: encode_runs(&strays),
-        },
         Order::Land {
             at,
             changes,
@@ -291,10 +274,6 @@ pub fn decode_order(bytes: &[u8]) -> Result<Order, PayloadError> {
         WireOrder::TakeOff => Order::TakeOff { wave: 0 },
         WireOrder::TakeOffInWave { wave } => Order::TakeOff { wave },
         WireOrder::Move { waypoint, apart } => Order::Move { waypoint, apart },
-        WireOrder::MoveTogether { waypoint, strays } => Order::MoveTogether {
-            waypoint,
-            strays: decode_runs(&strays)?,
-        },
         WireOrder::Land { at, changes, apart } => decode_landing(at, changes, 0, apart),
         WireOrder::LandInWave {
             at,
@@ -373,10 +352,10 @@ fn decode_landing(at: [i32; 3], changes: u16, wave: u16, apart: bool) -> Order {
     }
 }
 
-/// Runs of ids; the closest ones are joined until they are at most [`RUNS_MAX`].
+/// Runs of ids; the closest ones are joined until they are at most [`TASK_RUNS_MAX`].
 fn encode_runs(drones: &NodeSet) -> Vec<(u32, u32)> {
     let mut runs: Vec<_> = drones.runs().collect();
-    while runs.len() > RUNS_MAX {
+    while runs.len() > TASK_RUNS_MAX {
         let gaps = runs.windows(2).map(|pair| pair[1].start - pair[0].end);
         let narrowest = gaps.enumerate().min_by_key(|(_, gap)| *gap);
         let Some((at, _)) = narrowest else { break };
@@ -393,7 +372,7 @@ fn encode_runs(drones: &NodeSet) -> Vec<(u32, u32)> {
 }
 
 fn decode_runs(runs: &[(u32, u32)]) -> Result<NodeSet, PayloadError> {
-    if runs.len() > RUNS_MAX {
+    if runs.len() > TASK_RUNS_MAX {
         return Err(PayloadError);
     }
     let mut drones = NodeSet::new();

@@ -211,13 +211,6 @@ fn orders_match_golden_bytes() {
     for (order, bytes) in [
         (Order::TakeOff { wave }, "0702"),
         (
-            Order::MoveTogether {
-                waypoint: 300,
-                strays: [NodeId(1), NodeId(2), NodeId(5)].into_iter().collect(),
-            },
-            "0cac020201020201",
-        ),
-        (
             Order::Land {
                 at,
                 changes,

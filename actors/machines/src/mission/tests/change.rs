@@ -170,7 +170,7 @@ fn member_with_silent_master_waits_in_layer_after_climb_step() {
     deliver(&mut member, 4, &step_order(Step::Climb));
     assert_eq!(notify(&mut member, 10.0, RoutingNotice::MasterSilent), []);
     let transmits = arrive(&mut member, 11.0);
-    assert!(member.is_in_own_layer() && transmits.contains(&Transmit::TopologyChanges));
+    assert!(member.durable.lockstep.in_layer && transmits.contains(&Transmit::TopologyChanges));
 }
 
 /// One layer per drone, and a change of formation at `waypoint`.
@@ -195,7 +195,7 @@ fn member_in_own_layer_takes_a_step_without_waiting_for_routes() {
         deliver(&mut member, 1, &complete_plan());
         deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
         arrive(&mut member, 20.0);
-        member.leave_lockstep();
+        member.durable.lockstep.in_layer = true;
         member.durable.state = state;
         let transmits = deliver(&mut member, 4, &step_order(Step::Cross));
         assert!(goal(&transmits).is_some(), "{state:?}");
@@ -206,7 +206,7 @@ fn member_in_own_layer_takes_a_step_without_waiting_for_routes() {
 #[test]
 fn member_in_own_layer_that_missed_a_step_catches_up() {
     let mut member = member_in_slot_of(config_in_layers(1));
-    member.leave_lockstep();
+    member.durable.lockstep.in_layer = true;
     // The member is at waypoint 0; the others change formation at waypoint 1.
     let transmits = deliver(&mut member, 4, &step_order(Step::Cross));
     assert!(!transmits.contains(&acknowledgement(4)));

@@ -234,7 +234,7 @@ fn drone_on_the_ground_does_not_claim() {
 #[test]
 fn legs_after_an_election_are_flown_in_own_layer() {
     let mut member = member_with_elections(0);
-    assert_eq!(member.durable.lockstep.layer, None);
+    assert!(!member.durable.lockstep.in_layer);
     let transmits = notify(
         &mut member,
         41.0,
@@ -243,5 +243,5 @@ fn legs_after_an_election_are_flown_in_own_layer() {
     let transit = transmits
         .iter()
         .any(|it| matches!(it, Transmit::Goal(Goal::TransitTo { .. })));
-    assert!(transit && member.is_in_own_layer(), "{transmits:?}");
+    assert!(transit && member.durable.lockstep.in_layer, "{transmits:?}");
 }
