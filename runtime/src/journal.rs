@@ -69,7 +69,7 @@ pub trait Storage {
 }
 
 /// Version of the format.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 
 /// First bytes of a journal: the file type and the format's version.
 pub const MAGIC: [u8; 8] = [b'm', b'u', b's', b't', b'e', b'r', b'J', VERSION];

@@ -65,6 +65,11 @@ impl Course<'_> {
         altitudes_m.fold(0.0, f64::max)
     }
 
+    fn lowest_waypoint_m(&self) -> f64 {
+        let altitudes_m = self.waypoints.iter().map(|it| it.altitude_m());
+        altitudes_m.fold(f64::INFINITY, f64::min)
+    }
+
     fn drones(&self) -> impl Iterator<Item = NodeId> + use<> {
         (0..self.layout.formation().drones()).map(NodeId)
     }
@@ -129,9 +134,15 @@ impl Course<'_> {
 
     /// Extra duration of a leg for a drone out of lockstep, which flies above the highest waypoint; in seconds.
     fn climb_alone_s(&self) -> f64 {
-        let altitudes_m = self.waypoints.iter().map(|it| it.altitude_m());
-        let lowest_m = altitudes_m.fold(f64::INFINITY, f64::min);
-        (self.highest_waypoint_m() - lowest_m) / self.slowest_mps()
+        (self.highest_waypoint_m() - self.lowest_waypoint_m()) / self.slowest_mps()
+    }
+
+    /// Duration of the longest climb from a slot into an altitude layer, in seconds.
+    fn climb_s(&self) -> f64 {
+        let climb_mps = self.vehicle.climb_mps;
+        let highest_m = self.highest_waypoint_m() + self.highest_layer_m();
+        (highest_m - self.lowest_waypoint_m()) / climb_mps
+            + climb_mps / self.vehicle.acceleration_mps2
     }
 
     fn landing_s(&self) -> f64 {
@@ -217,6 +228,7 @@ pub(super) fn limits(raw: &Raw, separation: Separation, course: &Course<'_>) -> 
         flight,
         flight_time: seconds(raw.limits.flight_time_s, flight_time_s),
         landing: seconds(None, course.landing_s()),
+        climb: seconds(None, course.climb_s()),
         leg: seconds(raw.limits.leg_s, 2.0 * longest_s + 60.0),
         waypoints_max: mission_file::WAYPOINTS_MAX + 1,
         waiting_max: to_usize(raw.limits.waiting_max.0),

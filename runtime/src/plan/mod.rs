@@ -318,6 +318,7 @@ impl Plan {
             set_up_limit: self.limits.set_up,
             take_off_limit: self.limits.take_off,
             landing_limit: self.limits.leg + self.limits.landing,
+            climb_limit: self.limits.climb,
             leg_limit: self.limits.leg,
             flight_time: self.limits.flight_time,
             waypoints_max: self.limits.waypoints_max,
@@ -463,6 +464,8 @@ pub struct Limits {
     pub take_off: Duration,
     /// Expected time from take-off to the ground.
     pub flight: Duration,
+    /// The longest climb out of lockstep, from a slot into the highest altitude layer.
+    pub climb: Duration,
     /// The longest time for a leg.
     pub leg: Duration,
     /// The longest flight of a drone.

@@ -26,7 +26,7 @@ fn drone_behind_a_blocked_drone_waits() {
 
 #[test]
 fn swarm_without_deconfliction_breaks_the_separation_rule() {
-    let without = flown("found/several-lost-at-once.toml", false);
+    let without = flown("found/lands-below-one-without-position.toml", false);
     assert_eq!(without.violations[0].rule, 4);
 }
 

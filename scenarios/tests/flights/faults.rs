@@ -90,7 +90,7 @@ fn partitioned_swarm_splits_and_merges_after_the_partition() {
     for faults in [
         "{ at_s = 70, kind = \"cut\", links = [2, 3], for_s = 20 }",
         "{ at_s = 70, kind = \"one-way\", links = [3, 2], for_s = 20 }",
-        "{ at_s = 60, kind = \"cut\", links = [[0, 1, 2], [3, 4]] }, { at_waypoint = 2, kind = \"heal\", links = [2, 3] }",
+        "{ at_s = 60, kind = \"cut\", links = [[0, 1, 2], [3, 4]] }, { at_s = 90, kind = \"heal\", links = [2, 3] }",
     ] {
         let report = fly_with(faults);
         assert_finished(&report, &[], faults);

@@ -65,15 +65,17 @@ fn restart_of_a_process_or_an_actor_does_not_end_a_hold() {
         ] {
             let what = format!("{policy}, {fault}");
             let faults = format!("faults=[{{ at_waypoint = 1, after_s = 9, {fault} }}]");
-            let report = flown(&held(policy, &[&faults]), &what);
+            let scenario = held(policy, &[&faults]);
+            let report = flown(&scenario, &what);
             assert_finished(&report, &[], &what);
             assert!(report.mission_completed, "{what}");
-            // A master of a new epoch starts the hold again.
+            // A master of a new epoch starts the hold again, once all are in their layers.
+            let silence_s = 3.0 * scenario.plan.protocol.time_to_live.as_secs_f64();
             let max_s = HOLDS_S[1]
                 + if report.elections.is_empty() {
                     0.0
                 } else {
-                    20.0
+                    20.0 + silence_s + scenario.plan.limits.climb.as_secs_f64()
                 };
             let wait_s = waits_s(&report)[1];
             assert!(
@@ -101,8 +103,9 @@ fn master_elected_during_a_hold_holds_at_most_the_full_time() {
             assert_eq!(masters(&report).len(), 1, "{what}");
             let wait_s = waits_s(&report)[1];
             let election_s = report.elections[0].settled_after_s.unwrap_or_default();
-            // Time to detect the loss, to elect, and to collect acknowledgements.
-            let max_s = after_s + election_s + HOLDS_S[1] + 2.0 * BARRIER_MAX_S;
+            let climb_s = scenario.plan.limits.climb.as_secs_f64();
+            // Time to detect the loss, to elect, to climb, and to collect acknowledgements.
+            let max_s = after_s + election_s + climb_s + HOLDS_S[1] + 2.0 * BARRIER_MAX_S;
             assert!(
                 wait_s >= after_s + HOLDS_S[1] - 1.0 && wait_s <= max_s,
                 "{what}: {wait_s} s"

@@ -122,6 +122,7 @@ fn mission_config(id: u32) -> mission::Config {
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
         landing_limit: 60 * SECOND,
+        climb_limit: 10 * SECOND,
         leg_limit: 100 * SECOND,
         flight_time: 600 * SECOND,
         waypoints_max: 100,

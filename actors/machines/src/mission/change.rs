@@ -83,6 +83,7 @@ impl Mission {
         self.durable.progress.wave = (step == Step::Cross).then_some(wave);
         self.enter(State::ChangingFormation { change, step });
         self.durable.lockstep.in_layer |= self.is_elected_epoch();
+        self.durable.lockstep.climbs = false;
         self.outbox.transmit(Transmit::TopologyChanges);
         self.durable.deadlines.limit = Some(now + self.config.leg_limit);
         self.send_goal();

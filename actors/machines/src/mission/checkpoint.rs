@@ -242,6 +242,8 @@ impl Orders {
 pub struct Lockstep {
     /// Whether the drone flies in its own altitude layer, as some drones may not be in lockstep with it.
     pub in_layer: bool,
+    /// Whether it has yet to climb there, above its slot at the waypoint that it is at or flies to.
+    pub climbs: bool,
     /// Whether it is on its way to catch up with the others.
     pub catches_up: bool,
 }
@@ -324,6 +326,17 @@ pub struct Lead {
     pub followed: Option<Followed>,
     /// The last hold that began.
     pub hold: Option<Hold>,
+    /// `None` in the first epoch.
+    pub elected: Option<Elected>,
+}
+
+/// How an elected master came to lead.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+pub struct Elected {
+    /// When it claimed to lead.
+    pub at: Timestamp,
+    /// The master that it missed.
+    pub replaced: Option<NodeId>,
 }
 
 /// State of a master that is followed.
@@ -341,9 +354,10 @@ pub struct Followed {
 
 impl Lead {
     /// The state of master `own` at the start of its epoch.
-    pub(super) fn new(drones: u32, own: NodeId) -> Self {
+    pub(super) fn new(drones: u32, own: NodeId, elected: Option<Elected>) -> Self {
         Self {
             members: NodeSet::from(0..drones).difference(&own.into()),
+            elected,
             ..Self::default()
         }
     }
@@ -391,6 +405,13 @@ impl Lead {
         if waits_until.is_some() {
             self.silence_tolerated_until = waits_until;
         }
+    }
+
+    /// When it was elected, if it misses others among `members` than the master that it replaced.
+    pub(super) fn elected_without(&self, members: &NodeSet) -> Option<Timestamp> {
+        let elected = self.elected?;
+        let mut others = members.iter().filter(|id| Some(*id) != elected.replaced);
+        others.next().map(|_| elected.at)
     }
 
     /// Records that members were heard.

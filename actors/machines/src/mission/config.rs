@@ -42,6 +42,8 @@ pub struct Config {
     pub take_off_limit: Duration,
     /// How long the master waits for the members of a wave to land.
     pub landing_limit: Duration,
+    /// How long drones out of lockstep climb into their altitude layers at most.
+    pub climb_limit: Duration,
     /// Time limit of a leg. A drone that takes longer lands.
     pub leg_limit: Duration,
     /// Maximum flight time. After it the drone lands as soon as it is in its slot, or on the spot if that takes longer

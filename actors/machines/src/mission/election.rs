@@ -7,8 +7,8 @@
 use std::time::Duration;
 
 use super::{
-    Config, Event, Followed, LandingReason, Lead, Liveness, Mission, Order, RoutesPhase, State,
-    Succession, Transmit,
+    Config, Elected, Event, Followed, LandingReason, Lead, Liveness, Mission, Order, RoutesPhase,
+    State, Succession, Transmit,
 };
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
@@ -152,14 +152,16 @@ impl Mission {
         let Some(term) = term.filter(|_| self.durable.plan.is_complete) else {
             return self.announce_and_descend(LandingReason::MasterSilent);
         };
+        let replaced = self.durable.leader.ballot().map(|it| it.master);
+        let elected = Elected { at: now, replaced };
         let ballot = self.own_ballot(term);
         self.observe_ballot(ballot);
         let drones = self.config.layout.formation().drones();
-        self.durable.lead = Some(Lead::new(drones, self.config.id));
+        self.durable.lead = Some(Lead::new(drones, self.config.id, Some(elected)));
         self.outbox.transmit(Transmit::Lead(ballot));
+        self.hold_in_layer_if_needed();
         self.repeat_own_order(now);
         self.advance_as_master(now);
-        self.hold_in_layer_if_needed();
     }
 
     /// As newly elected master: issues the order that the drone itself executes.
@@ -203,7 +205,7 @@ impl Mission {
         let is_executing = self.durable.orders.pending.is_some();
         self.issue_order(&order);
         if !is_executing {
-            self.complete_order();
+            self.complete_order_at_waypoint();
         }
         self.durable.deadlines.limit = Some(now + limit);
     }

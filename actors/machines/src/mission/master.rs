@@ -1,5 +1,7 @@
 //! How a master leads: it issues each order once all awaited members have executed the one before.
 
+use std::time::Duration;
+
 use super::{Barrier, Conduct, Event, Lead, Mission, Order, State, Step, Transmit};
 use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
@@ -21,7 +23,7 @@ impl Mission {
         let drones = formation.drones();
         let ballot = self.own_ballot(Ballot::FIRST_TERM);
         self.observe_ballot(ballot);
-        self.durable.lead = Some(Lead::new(drones, self.config.id));
+        self.durable.lead = Some(Lead::new(drones, self.config.id, None));
         self.durable.plan.waypoints = self.config.mission.to_vec();
         self.durable.holds = self.config.holds.clone();
         self.durable.plan.is_complete = true;
@@ -94,18 +96,24 @@ impl Mission {
         self.mark_heard(landing);
     }
 
-    /// As master: records that members were not heard for their time to live. During take-off it waits for them for
-    /// the spreading grace: after that they have elected their own master and left the others' paths.
+    /// As master: records that members were not heard for their time to live. Where they may have another master it waits until
+    /// they are in their layers, out of the others' way.
     pub(super) fn mark_silent(&mut self, now: Timestamp, members: &NodeSet) {
-        let grace = self.config.spreading_grace;
-        let takes_off = matches!(
-            self.durable.state,
-            State::TakingOff | State::NeighbourDiscovery | State::HopUpdate
-        );
-        let waits_until = (takes_off && !grace.is_zero()).then(|| now + grace);
-        if let Some(lead) = &mut self.durable.lead {
-            lead.mark_silent(members, waits_until);
-        }
+        let Some(lead) = &mut self.durable.lead else {
+            return;
+        };
+        let (grace, climb) = (self.config.spreading_grace, self.config.climb_limit);
+        let elected_at = lead.elected_without(members);
+        let waits_until = match self.durable.state {
+            // Drones that wait for routes bear a master's silence for the grace. The climb follows at waypoint 0.
+            State::TakingOff | State::NeighbourDiscovery | State::HopUpdate => {
+                Some(now + grace + elected_at.map_or(Duration::ZERO, |_| climb))
+            }
+            State::WaypointReached { waypoint: 0 } => Some(now + grace + climb),
+            _ => elected_at.map(|since| since + grace + climb),
+        };
+        let waits_until = waits_until.filter(|until| *until > now && !grace.is_zero());
+        lead.mark_silent(members, waits_until);
     }
 
     /// As master: until when it waits for silent members.
@@ -159,14 +167,15 @@ impl Mission {
 
     /// Issues the next order once the last one is executed.
     pub(super) fn advance_as_master(&mut self, now: Timestamp) {
-        if let State::WaypointReached { .. } = self.durable.state {
+        if let State::WaypointReached { waypoint } = self.durable.state {
             if self.durable.progress.opened.is_none() {
                 self.durable.progress.opened = Some(0);
                 let apart = self.leave_lockstep_if_strays();
                 self.issue_order(&Order::Move { waypoint: 0, apart });
                 self.outbox.event(Event::Opened { waypoint: 0 });
             }
-            self.complete_order();
+            self.climb_if_strays(now, waypoint);
+            self.complete_order_at_waypoint();
         }
         if !self.all_completed() {
             return;
@@ -294,6 +303,25 @@ impl Mission {
             self.leave_lockstep();
         }
         self.order_landing(centre, last);
+    }
+
+    /// As master at a waypoint: if some members may fly elsewhere, orders all to climb into their own layers first, each above
+    /// its slot. They leave together, once all are there.
+    fn climb_if_strays(&mut self, now: Timestamp, waypoint: u16) {
+        let flies_mission =
+            self.config.following().is_none() && self.config.conduct != Conduct::Task;
+        let lands = self.durable.progress.wave.is_some();
+        if flies_mission
+            && !lands
+            && !self.durable.lockstep.in_layer
+            && self.leave_lockstep_if_strays()
+        {
+            self.issue_order(&Order::Move {
+                waypoint,
+                apart: true,
+            });
+            self.durable.deadlines.limit = Some(now + self.config.leg_limit);
+        }
     }
 
     /// As master: leaves lockstep if some members may fly elsewhere. Returns whether all must fly in their own layers.

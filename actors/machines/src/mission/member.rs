@@ -128,7 +128,8 @@ impl Mission {
         self.durable.progress.opened = self.durable.progress.opened.max(Some(waypoint));
         if self.last_reached_waypoint() >= Some(waypoint) {
             // An elected master may be behind this drone.
-            self.acknowledge(sequence);
+            self.durable.orders.pending = Some(sequence);
+            self.complete_order_at_waypoint();
         } else {
             self.durable.orders.pending = Some(sequence);
         }
@@ -240,7 +241,7 @@ impl Mission {
             if Some(waypoint) < self.durable.progress.opened {
                 self.start_leg(now, waypoint + 1);
             } else {
-                self.complete_order();
+                self.complete_order_at_waypoint();
             }
         }
         if self.succession_at().is_some_and(|at| at <= now) {

@@ -15,7 +15,7 @@ mod notices;
 mod task;
 
 pub use checkpoint::{
-    Checkpoint, Deadlines, Followed, KnownPlan, Landing, Lead, Lockstep, Orders, Progress,
+    Checkpoint, Deadlines, Elected, Followed, KnownPlan, Landing, Lead, Lockstep, Orders, Progress,
     RoutesPhase, State,
 };
 pub use config::{Alone, Barrier, Conduct, Config, Liveness, Succession};
@@ -27,7 +27,7 @@ use crate::flaw::{self, Flaw};
 use crate::formation::{FlightPlan, Layout};
 use crate::identity::NodeSet;
 use crate::machine::{Machine, Outbox, Output};
-use crate::navigation::Notice as NavigationNotice;
+use crate::navigation::{Goal, Notice as NavigationNotice};
 use crate::stall::StallDetector;
 use crate::time::Timestamp;
 pub use crate::wire::{Order, Step};
@@ -183,6 +183,8 @@ impl Mission {
         if self.durable.lockstep.in_layer || self.is_elected_epoch() || has_fallen_behind {
             self.leave_lockstep();
         }
+        // The leg begins with the climb.
+        self.durable.lockstep.climbs = false;
         self.durable.deadlines.limit = Some(now + self.config.leg_limit);
         self.send_goal();
     }
@@ -193,10 +195,39 @@ impl Mission {
         ballot.is_some_and(|it| it.is_elected())
     }
 
-    /// Flies in its own altitude layer from now on. The links to the others may change by that.
+    /// Flies in its own altitude layer from now on. The links to the others may change by that. At a waypoint it climbs
+    /// above its slot; on a leg it does so at the end.
     pub(super) fn leave_lockstep(&mut self) {
-        self.durable.lockstep.in_layer = true;
+        if !self.durable.lockstep.in_layer {
+            self.durable.lockstep.in_layer = true;
+            self.durable.lockstep.climbs = self.is_at_waypoint()
+                || matches!(self.durable.state, State::MovingToWaypoint { .. });
+            self.climb_if_at_waypoint();
+        }
         self.outbox.transmit(Transmit::TopologyChanges);
+    }
+
+    /// Whether the drone is in its slot at a waypoint, or climbs above it.
+    fn is_at_waypoint(&self) -> bool {
+        match self.durable.state {
+            State::TakingOff => !self.is_taking_off(),
+            State::NeighbourDiscovery | State::HopUpdate | State::WaypointReached { .. } => true,
+            _ => false,
+        }
+    }
+
+    fn climb_if_at_waypoint(&mut self) {
+        if self.durable.lockstep.climbs && self.is_at_waypoint() {
+            self.send_goal();
+        }
+    }
+
+    /// Acknowledges the pending order, at a waypoint once the drone is in its layer there.
+    pub(super) fn complete_order_at_waypoint(&mut self) {
+        let is_reached = matches!(self.durable.state, State::WaypointReached { .. });
+        if !is_reached || !self.durable.lockstep.climbs {
+            self.complete_order();
+        }
     }
 
     /// Whether later take-off waves may fly over the drone's slot. A climb from there would cross their paths.
@@ -221,11 +252,16 @@ impl Mission {
         };
         if is_needed && !self.durable.lockstep.in_layer {
             self.leave_lockstep();
-            self.send_goal();
+            if !self.is_at_waypoint() {
+                self.send_goal();
+            }
         }
     }
 
-    fn handle_arrival(&mut self, now: Timestamp) {
+    fn handle_arrival(&mut self, now: Timestamp, goal: Goal) {
+        if self.is_at_waypoint() && matches!(goal, Goal::TransitTo { .. }) {
+            self.durable.lockstep.climbs = false;
+        }
         match self.durable.state {
             State::TakingOff => {
                 // A master's limit bounds its wait for the members.
@@ -240,6 +276,7 @@ impl Mission {
                 let is_master = self.durable.lead.is_some();
                 self.durable.deadlines.limit = is_master.then(|| now + self.config.leg_limit);
                 self.enter(State::WaypointReached { waypoint });
+                self.climb_if_at_waypoint();
                 if self.durable.progress.opened <= Some(waypoint)
                     && self.durable.lockstep.catches_up
                 {
@@ -247,6 +284,7 @@ impl Mission {
                     self.outbox.transmit(Transmit::Resync);
                 }
             }
+            State::WaypointReached { .. } => {}
             State::ChangingFormation { change, step } => self.complete_step(now, change, step),
             State::Following => self.complete_following_leg(now),
             State::Assembling => self.complete_order(),
@@ -316,12 +354,12 @@ impl Mission {
         if self.land_separately_if_due(now) {
             return;
         }
+        self.hold_in_layer_if_needed();
         if self.durable.lead.is_some() {
             self.advance_as_master(now);
         } else {
             self.advance_as_member(now);
         }
-        self.hold_in_layer_if_needed();
         self.update_drones_on_task();
     }
 
@@ -373,7 +411,7 @@ impl Machine for Mission {
                 self.handle_routing(now, notice);
                 self.advance(now);
             }
-            Input::Navigation(NavigationNotice::Arrived(_)) => self.handle_arrival(now),
+            Input::Navigation(NavigationNotice::Arrived(goal)) => self.handle_arrival(now, goal),
             Input::Navigation(NavigationNotice::Position { position, velocity }) => {
                 self.handle_position(now, position, velocity);
             }

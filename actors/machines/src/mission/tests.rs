@@ -1,3 +1,4 @@
+mod apart;
 mod barrier;
 mod change;
 mod election;
@@ -81,6 +82,7 @@ fn config(id: u32, liveness: Liveness) -> Config {
         set_up_limit: 30 * SECOND,
         take_off_limit: 60 * SECOND,
         landing_limit: 60 * SECOND,
+        climb_limit: 10 * SECOND,
         leg_limit: 100 * SECOND,
         flight_time: 2_000 * SECOND,
         waypoints_max: 100,
@@ -123,12 +125,11 @@ fn notify(mission: &mut Mission, at_s: f64, notice: RoutingNotice) -> Vec<Transm
     send(mission, at_s, Input::Routing(notice))
 }
 
+/// The drone arrives where its mission sent it.
 fn arrive(mission: &mut Mission, at_s: f64) -> Vec<Transmit> {
-    send(
-        mission,
-        at_s,
-        Input::Navigation(NavigationNotice::Arrived(Goal::Hold)),
-    )
+    let goal = mission.goal().unwrap_or(Goal::Hold);
+    let arrived = NavigationNotice::Arrived(goal);
+    send(mission, at_s, Input::Navigation(arrived))
 }
 
 fn progress(member: u32, acknowledged: u32) -> RoutingNotice {
@@ -159,6 +160,12 @@ const fn open_waypoint(waypoint: u16) -> Order {
         waypoint,
         apart: false,
     }
+}
+
+/// An order to climb out of lockstep at a waypoint, or to fly there so.
+const fn move_apart(waypoint: u16) -> Order {
+    let apart = true;
+    Order::Move { waypoint, apart }
 }
 
 fn land_at(at: Ned) -> Order {

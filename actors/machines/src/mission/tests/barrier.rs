@@ -56,8 +56,7 @@ fn only_awaited_members_are_left_out() {
     notify(&mut master, 32.0, progress(2, 3));
     arrive(&mut master, 60.0);
     let (transmits, events) = stimulate(&mut master, 160.0, Stimulus::Timeout);
-    let (waypoint, apart) = (2, true);
-    assert_eq!(orders(&transmits), [Order::Move { waypoint, apart }]);
+    assert_eq!(orders(&transmits), [move_apart(1)]);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
     assert!(!events.contains(&Event::LeftOut(NodeId(0))));
 }

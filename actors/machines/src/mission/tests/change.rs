@@ -204,6 +204,16 @@ fn member_in_own_layer_takes_a_step_without_waiting_for_routes() {
 }
 
 #[test]
+fn member_that_still_climbs_into_its_layer_takes_a_step_and_is_there() {
+    let mut member = member_in_slot_of(config_in_layers(0));
+    member.durable.state = State::WaypointReached { waypoint: 0 };
+    deliver(&mut member, 4, &move_apart(0));
+    deliver(&mut member, 5, &step_order(Step::Descend));
+    assert!(arrive(&mut member, 40.0).contains(&acknowledgement(5)));
+    assert!(deliver(&mut member, 6, &move_apart(0)).contains(&acknowledgement(6)));
+}
+
+#[test]
 fn member_in_own_layer_that_missed_a_step_catches_up() {
     let mut member = member_in_slot_of(config_in_layers(1));
     member.durable.lockstep.in_layer = true;

@@ -55,13 +55,13 @@ fn new_master_claims_a_better_ballot_and_repeats_its_own_order() {
     assert!(ballot(2, 1, 0).beats(&ballot(1, 0, 1)));
     // It acknowledges on arrival, and then waits for the others.
     assert!(acknowledged(&transmits).is_empty());
-    let transmits = arrive(&mut member, 60.0);
-    assert_eq!(acknowledged(&transmits), [1]);
+    assert_eq!(acknowledged(&arrive(&mut member, 60.0)), [0; 0]);
+    let transmits = arrive(&mut member, 60.5);
+    assert_eq!(acknowledged(&transmits), [1], "in its layer");
     assert_eq!(orders(&transmits), []);
     notify(&mut member, 61.0, RoutingNotice::Silent(NodeId(1).into()));
     let transmits = notify(&mut member, 62.0, progress(2, 1));
-    let (waypoint, apart) = (2, true);
-    assert_eq!(orders(&transmits), [Order::Move { waypoint, apart }]);
+    assert_eq!(orders(&transmits), [move_apart(2)]);
 }
 
 #[test]
@@ -114,8 +114,8 @@ fn member_ahead_of_the_new_master_acknowledges_at_once_and_waits() {
     assert_eq!(acknowledged(&transmits), [1]);
     let transmits = arrive(&mut member, 60.0);
     let [
-        Transmit::TopologyChanges,
         Transmit::Goal(Goal::TransitTo { to }),
+        Transmit::TopologyChanges,
     ] = transmits[..]
     else {
         panic!("{transmits:?}");
@@ -126,6 +126,7 @@ fn member_ahead_of_the_new_master_acknowledges_at_once_and_waits() {
         "it waits there in its layer"
     );
     assert!(to.altitude_m() > slot.altitude_m() + 5.0);
+    arrive(&mut member, 65.0);
     let transmits = notify(&mut member, 70.0, order_of(new, 2, &open_waypoint(1)));
     assert_eq!(acknowledged(&transmits), [2]);
 }
@@ -199,8 +200,8 @@ fn ballot_survives_a_restart_of_the_mission() {
 fn master_that_lost_its_state_claims_a_new_term() {
     let mut member = member_with_elections(0);
     let transmits = notify(&mut member, 41.0, RoutingNotice::Leader(ballot(4, 1, 0)));
-    assert_eq!(transmits[0], Transmit::Lead(ballot(5, 1, 0)));
-    assert_eq!(orders(&transmits), [open_waypoint(0)]);
+    assert!(transmits.contains(&Transmit::Lead(ballot(5, 1, 0))));
+    assert_eq!(orders(&transmits), [move_apart(0)]);
     let mut on_ground = mission(0, Liveness::Heartbeat);
     deliver(&mut on_ground, 1, &complete_plan());
     let transmits = notify(&mut on_ground, 2.0, RoutingNotice::Leader(ballot(4, 1, 0)));

@@ -222,6 +222,10 @@ fn lone_drone_flies_on_or_lands_as_configured() {
             State::MovingToWaypoint { waypoint: 1 }
         );
         arrive(&mut master, 60.0);
+        if alone == Alone::CarryOn {
+            // In its layer.
+            arrive(&mut master, 61.0);
+        }
         assert_eq!(master.durable.state, state, "{alone:?}");
     }
 }

@@ -101,13 +101,10 @@ fn member_returning_during_a_hold_is_awaited_for_a_leg_limit() {
     assert_eq!(master.deadline(), after(81.0 + 100.0));
     let (transmits, events) = stimulate(&mut master, 181.0, Stimulus::Timeout);
     assert!(events.contains(&Event::LeftOut(NodeId(2))));
-    assert_eq!(
-        orders(&transmits),
-        [Order::Move {
-            waypoint: 2,
-            apart: true
-        }]
-    );
+    assert_eq!(orders(&transmits), [move_apart(1)], "all climb first");
+    assert_eq!(orders_on_arrival(&mut master, 190.0), []);
+    let transmits = notify(&mut master, 191.0, progress(0, 5));
+    assert_eq!(orders(&transmits), [move_apart(2)]);
 }
 
 /// A member at waypoint 1 since 50 s.
@@ -136,20 +133,15 @@ fn member_waits_through_a_hold_of_any_length() {
 fn master_elected_during_a_hold_begins_it_anew() {
     let mut member = holding_member();
     let transmits = notify(&mut member, 60.0, RoutingNotice::MasterSilent);
-    assert_eq!(orders(&transmits), [open_waypoint(1)]);
+    assert_eq!(orders(&transmits), [move_apart(1)]);
+    orders_on_arrival(&mut member, 60.2);
     let silent = RoutingNotice::Silent(NodeId(1).into());
     assert_eq!(orders(&notify(&mut member, 60.5, silent)), []);
     let transmits = notify(&mut member, 61.0, progress(2, 1));
     assert_eq!(orders(&transmits), [], "the hold is not over");
     assert_eq!(member.deadline(), after(91.0));
     let (transmits, _) = stimulate(&mut member, 91.0, Stimulus::Timeout);
-    assert_eq!(
-        orders(&transmits),
-        [Order::Move {
-            waypoint: 2,
-            apart: true
-        }]
-    );
+    assert_eq!(orders(&transmits), [move_apart(2)]);
 }
 
 #[test]

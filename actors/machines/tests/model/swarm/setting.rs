@@ -106,6 +106,7 @@ pub(crate) fn configs(drones: u32) -> Vec<Config> {
             set_up_limit: 30 * second,
             take_off_limit: 60 * second,
             landing_limit: 60 * second,
+            climb_limit: 10 * second,
             leg_limit: 100 * second,
             flight_time: 2_000 * second,
             waypoints_max: 10,
