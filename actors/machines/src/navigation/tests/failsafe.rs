@@ -112,13 +112,17 @@ fn pilot_regains_control_with_the_position() {
     assert_eq!(output, [Transmit::FlightCommand(FlightCommand::Yield)]);
 }
 
-#[test]
-fn drone_without_position_or_with_low_battery_is_not_armed() {
-    let take_off = Goal::TakeOff {
+fn arming_take_off() -> Goal {
+    Goal::TakeOff {
         to: Ned::new(0.0, 100.0, -25.0),
         transit_altitude_m: 30.0,
         arm: true,
-    };
+    }
+}
+
+#[test]
+fn drone_without_position_or_with_low_battery_is_not_armed() {
+    let take_off = arming_take_off();
     let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     handle(&mut navigation, Input::Goal(take_off));
     assert_eq!(
@@ -172,11 +176,7 @@ fn drone_that_lands_beyond_its_fence_goes_on_landing() {
 
 #[test]
 fn vehicle_that_was_ordered_to_arm_is_told_to_land_before_it_arms() {
-    let take_off = Goal::TakeOff {
-        to: Ned::new(0.0, 100.0, -25.0),
-        transit_altitude_m: 30.0,
-        arm: true,
-    };
+    let take_off = arming_take_off();
     let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     handle(&mut navigation, Input::Goal(take_off));
     handle(&mut navigation, Input::Telemetry(ON_THE_GROUND));
