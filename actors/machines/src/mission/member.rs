@@ -126,10 +126,9 @@ impl Mission {
             self.enter(State::WaypointReached { waypoint: 0 });
         }
         self.durable.progress.opened = self.durable.progress.opened.max(Some(waypoint));
-        if self.last_reached_waypoint() >= Some(waypoint) {
-            // An elected master may be behind this drone.
-            self.durable.orders.pending = Some(sequence);
-            self.complete_order_at_waypoint();
+        if self.last_reached_waypoint() >= Some(waypoint) && !self.climbs_at_waypoint() {
+            // An elected master may be behind this drone, whose leg stays pending.
+            self.acknowledge(sequence);
         } else {
             self.durable.orders.pending = Some(sequence);
         }

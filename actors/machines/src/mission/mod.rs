@@ -224,10 +224,15 @@ impl Mission {
 
     /// Acknowledges the pending order, at a waypoint once the drone is in its layer there.
     pub(super) fn complete_order_at_waypoint(&mut self) {
-        let is_reached = matches!(self.durable.state, State::WaypointReached { .. });
-        if !is_reached || !self.durable.lockstep.climbs {
+        if !self.climbs_at_waypoint() {
             self.complete_order();
         }
+    }
+
+    /// Whether the drone has reached its waypoint and climbs into its layer there.
+    pub(super) fn climbs_at_waypoint(&self) -> bool {
+        let is_reached = matches!(self.durable.state, State::WaypointReached { .. });
+        is_reached && self.durable.lockstep.climbs
     }
 
     /// Whether later take-off waves may fly over the drone's slot. A climb from there would cross their paths.

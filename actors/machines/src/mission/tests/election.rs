@@ -112,6 +112,7 @@ fn member_ahead_of_the_new_master_acknowledges_at_once_and_waits() {
     let new = ballot(2, 2, 2);
     let transmits = notify(&mut member, 41.0, order_of(new, 1, &open_waypoint(0)));
     assert_eq!(acknowledged(&transmits), [1]);
+    assert!(member.durable.orders.pending.is_some(), "its leg goes on");
     let transmits = arrive(&mut member, 60.0);
     let [
         Transmit::Goal(Goal::TransitTo { to }),
