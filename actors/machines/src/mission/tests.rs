@@ -186,6 +186,17 @@ fn complete_plan() -> Order {
     }
 }
 
+/// A member at waypoint 0, which is open.
+fn member_at_open_waypoint(config: Config) -> Mission {
+    let mut member = Mission::new(config, None);
+    deliver(&mut member, 1, &complete_plan());
+    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
+    arrive(&mut member, 20.0);
+    notify(&mut member, 30.0, RoutingNotice::RoutesReady);
+    deliver(&mut member, 3, &open_waypoint(0));
+    member
+}
+
 /// A member at waypoint 0 with routes.
 fn member_at_waypoint_0(liveness: Liveness) -> Mission {
     let mut member = mission(0, liveness);

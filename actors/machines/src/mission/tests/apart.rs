@@ -92,12 +92,7 @@ fn elected() -> Mission {
         spreading_grace: 6 * SECOND,
         ..config(0, Liveness::Heartbeat)
     };
-    let mut elected = Mission::new(config, None);
-    deliver(&mut elected, 1, &complete_plan());
-    deliver(&mut elected, 2, &Order::TakeOff { wave: 0 });
-    arrive(&mut elected, 20.0);
-    notify(&mut elected, 30.0, RoutingNotice::RoutesReady);
-    deliver(&mut elected, 3, &open_waypoint(0));
+    let mut elected = member_at_open_waypoint(config);
     deliver(&mut elected, 4, &open_waypoint(1));
     arrive(&mut elected, 50.0);
     let transmits = notify(&mut elected, 60.0, RoutingNotice::MasterSilent);

@@ -19,13 +19,7 @@ fn member_with_back_off(id: u32, candidacy_back_off: Duration) -> Mission {
         candidacy_back_off,
         ..config(id, Liveness::Heartbeat)
     };
-    let mut member = Mission::new(config, None);
-    deliver(&mut member, 1, &complete_plan());
-    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
-    arrive(&mut member, 20.0);
-    notify(&mut member, 30.0, RoutingNotice::RoutesReady);
-    deliver(&mut member, 3, &open_waypoint(0));
-    member
+    member_at_open_waypoint(config)
 }
 
 fn order_of(master: Ballot, sequence: u32, order: &Order) -> RoutingNotice {

@@ -6,12 +6,7 @@ fn member_with_elections(id: u32, moves: bool) -> Mission {
         succession: Succession::Elect,
         ..config(id, Liveness::Heartbeat)
     };
-    let mut member = Mission::new(config, None);
-    deliver(&mut member, 1, &complete_plan());
-    deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
-    arrive(&mut member, 20.0);
-    notify(&mut member, 30.0, RoutingNotice::RoutesReady);
-    deliver(&mut member, 3, &open_waypoint(0));
+    let mut member = member_at_open_waypoint(config);
     if moves {
         deliver(&mut member, 4, &open_waypoint(1));
     }
