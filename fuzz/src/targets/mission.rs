@@ -4,7 +4,7 @@ use std::path::Path;
 
 use muster_runtime::mission_file::{HEIGHT_MAX_M, WAYPOINTS_MAX, parse};
 
-pub(crate) fn run(bytes: &[u8]) {
+pub(super) fn run(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
     };

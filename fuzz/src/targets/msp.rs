@@ -15,7 +15,7 @@ use muster_msp::{
 /// The pieces in which the stream is read once more, in bytes.
 const PIECE: usize = 7;
 
-pub(crate) fn run(bytes: &[u8]) {
+pub(super) fn run(bytes: &[u8]) {
     let at_once = read(bytes, bytes.len().max(1));
     assert_eq!(at_once, read(bytes, PIECE));
     // Either what is in frames or what is a payload, for time.

@@ -2,7 +2,7 @@
 
 use muster_runtime::journal::{Journal, MAGIC, MemoryStorage, frame_record};
 
-pub(crate) fn run(bytes: &[u8]) {
+pub(super) fn run(bytes: &[u8]) {
     open(bytes.to_vec());
     // The same bytes as records with valid checksums, which random bytes never have.
     let mut journal = MAGIC.to_vec();

@@ -1,10 +1,10 @@
 //! A drone that receives any bytes at any time: its machines never panic, never exchange messages without end, and their
 //! tables stay within their limits.
 
-use muster_fuzz::{Drone, decode_ops, scenarios};
+use crate::{Drone, decode_ops, scenarios};
 use muster_machines::identity::NodeId;
 
-pub(crate) fn run(bytes: &[u8]) {
+pub(super) fn run(bytes: &[u8]) {
     let [selector, id, bytes @ ..] = bytes else {
         return;
     };

@@ -5,7 +5,7 @@ use std::time::Duration;
 use muster_indoor::reading::Echo;
 use muster_sensors::hc_sr04::{EchoTimer, Edge};
 
-pub(crate) fn run(bytes: &[u8]) {
+pub(super) fn run(bytes: &[u8]) {
     let mut timer = EchoTimer::default();
     for edge in bytes.chunks_exact(3) {
         match edge[0] % 8 {

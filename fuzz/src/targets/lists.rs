@@ -3,7 +3,7 @@
 
 use std::sync::OnceLock;
 
-use muster_fuzz::{scratch, with_file};
+use crate::{scratch, with_file};
 use muster_machines::identity::NodeId;
 use muster_machines::radio::Authenticator;
 use muster_runtime::identity::{DroneKey, Ed25519Authenticator, FleetKey, RevocationList, Roster};
@@ -21,7 +21,7 @@ fn drone() -> &'static Ed25519Authenticator {
     })
 }
 
-pub(crate) fn run(bytes: &[u8]) {
+pub(super) fn run(bytes: &[u8]) {
     let fleet = FleetKey::load(&scratch().join("fleet/fleet.pub")).expect("the fleet's key");
     assert_eq!(drone().read_list(bytes), None);
     with_file("list.toml", bytes, |path| {

@@ -5,7 +5,7 @@ use muster_indoor::map::{CELLS_MAX, Header, Map};
 /// Fields of a map whose image the bytes are.
 const HEADER: &str = "image: floor.pgm\nresolution: 0.05\norigin: [0, 0, 0.1]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n";
 
-pub(crate) fn run(bytes: &[u8]) {
+pub(super) fn run(bytes: &[u8]) {
     if let Ok(text) = std::str::from_utf8(bytes) {
         match Header::parse(text) {
             Ok(header) => check(&header, &[]),

@@ -2,7 +2,7 @@
 
 use muster_indoor::log::{BEAMS_MAX, parse};
 
-pub(crate) fn run(bytes: &[u8]) {
+pub(super) fn run(bytes: &[u8]) {
     let Ok(text) = std::str::from_utf8(bytes) else {
         return;
     };

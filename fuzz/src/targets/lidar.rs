@@ -9,7 +9,7 @@ const PACKET: [u8; PACKET_SIZE] = [
     0xe9, 0xc5, 0x00, 0xe5, 0xc2, 0x00, 0xe5, 0xc0, 0x00, 0xe5, 0xbe, 0x82, 0x3a, 0x1a, 0x50,
 ];
 
-pub(crate) fn run(bytes: &[u8]) {
+pub(super) fn run(bytes: &[u8]) {
     let mut decoder = Decoder::default();
     let mut packets = 0;
     for piece in bytes.chunks(7) {

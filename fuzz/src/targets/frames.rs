@@ -2,7 +2,7 @@
 
 use muster_machines::wire;
 
-pub(crate) fn run(bytes: &[u8]) {
+pub(super) fn run(bytes: &[u8]) {
     let sender = wire::sender(bytes);
     if let Ok(frame) = wire::decode_frame(bytes) {
         assert_eq!(sender, Some(frame.header.sender));
