@@ -144,12 +144,16 @@ fn muster_seed(context: &mut agent::Context<'_>) -> u64 {
     context.rng().random()
 }
 
-/// The traceback of an exception, as Python prints it.
+/// The traceback of an exception and of its causes, as Python prints them.
 fn traceback(py: Python<'_>, error: &PyErr) -> String {
-    let printed = error
-        .traceback(py)
-        .and_then(|traceback| traceback.format().ok());
-    format!("{}{error}", printed.unwrap_or_default())
+    let print = || -> PyResult<String> {
+        let module = py.import("traceback")?;
+        let raised = (error.get_type(py), error.value(py), error.traceback(py));
+        let lines = module.call_method1("format_exception", raised)?;
+        Ok(lines.extract::<Vec<String>>()?.concat())
+    };
+    let printed = print().unwrap_or_else(|_| error.to_string());
+    printed.trim_end().to_owned()
 }
 
 impl Agent for PyAgent {

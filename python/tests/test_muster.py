@@ -39,6 +39,24 @@ class Failing:
         cx.land()
 
 
+class Deep(Failing):
+    """Fails 30 calls deep, with a cause."""
+
+    def telemetry(self, telemetry, cx):
+        self.odd(30) if self.id == 1 else cx.land()
+
+    def odd(self, calls):
+        self.even(calls - 1)
+
+    def even(self, calls):
+        if calls > 0:
+            self.odd(calls - 1)
+        try:
+            {}["a cause"]
+        except KeyError as error:
+            raise ValueError("on purpose") from error
+
+
 class Dice:
     """Flies to places drawn at random, and lands at the fifth."""
 
@@ -82,6 +100,13 @@ def exception_is_the_agents_failure_with_its_traceback(sim):
     assert not run.violations
 
 
+def long_traceback_keeps_its_exception_and_tells_the_cause(sim):
+    what = sim.agents(Deep).run().agent_failures[0]["what"]
+    assert what.startswith("Traceback"), what
+    assert what.endswith("ValueError: on purpose"), what
+    assert "KeyError: 'a cause'" in what
+
+
 def wrong_field_is_refused_with_a_suggestion():
     try:
         muster.Sim("thesis-1").set("radio.los", 0.1)
@@ -106,6 +131,7 @@ def main():
         readme_runs(folder)
         flights_repeat_on_both_engines(sim)
         exception_is_the_agents_failure_with_its_traceback(sim)
+        long_traceback_keeps_its_exception_and_tells_the_cause(sim)
     wrong_field_is_refused_with_a_suggestion()
     campaigns_are_tables()
     print("all hold")

@@ -58,7 +58,8 @@ pub(super) fn lines(report: &Report) -> Vec<(&'static str, String)> {
 
 /// The last line of a failure's description, which names its cause in a traceback, too.
 pub(super) fn cause(what: &str) -> String {
-    let last = what.lines().last().unwrap_or_default();
+    let last = what.lines().rfind(|line| !line.trim().is_empty());
+    let last = last.unwrap_or_default();
     last.chars().take(FAILURE_MAX).collect()
 }
 

@@ -9,8 +9,8 @@ use crate::node::Address;
 use crate::supervision::{RestartDecision, RestartLimits, Supervision};
 use crate::time::Timestamp;
 
-/// Longest description of a failure, in characters.
-const FAILURE_MAX: usize = 1_000;
+/// Longest beginning and end of a failure's description, in characters. A traceback names its cause at its end.
+const FAILURE_MAX: (usize, usize) = (500, 1_500);
 
 /// An agent under supervision.
 ///
@@ -121,5 +121,17 @@ fn describe(panic: Box<dyn Any + Send>) -> String {
             .map_or("a panic without a message", |text| text)
             .to_owned(),
     };
-    text.chars().take(FAILURE_MAX).collect()
+    shortened(text)
+}
+
+/// A long description without its middle.
+fn shortened(text: String) -> String {
+    let (begin, end) = FAILURE_MAX;
+    let left_out = text.chars().count().saturating_sub(begin + end);
+    if left_out == 0 {
+        return text;
+    }
+    let begun: String = text.chars().take(begin).collect();
+    let ends: String = text.chars().skip(begin + left_out).collect();
+    format!("{begun}\n… {left_out} characters left out …\n{ends}")
 }

@@ -84,6 +84,28 @@ fn failed_agent_is_built_anew_and_what_it_asked_for_is_not_done() {
 }
 
 #[test]
+fn long_description_of_a_failure_keeps_its_beginning_and_its_end() {
+    struct Long;
+    impl Agent for Long {
+        fn start(&mut self, _context: &mut Context<'_>) {
+            let calls = "  called from there\n".repeat(1_000);
+            panic!("Traceback\n{calls}ValueError: on purpose");
+        }
+    }
+    let mut drone = member_in_slot();
+    drone.host.replace_factory(Factory::new(|| Box::new(Long)));
+    let (_, events) = drone.order(3, &Order::Task { drones: ids(&[2]) });
+    let what = events.iter().find_map(|event| match event {
+        Event::AgentFailed(what) => Some(what.as_str()),
+        _ => None,
+    });
+    let what = what.unwrap();
+    assert!(what.starts_with("Traceback\n"), "{what}");
+    assert!(what.ends_with("\nValueError: on purpose"), "{what}");
+    assert!(what.chars().count() < 2_100, "{what}");
+}
+
+#[test]
 fn restarted_navigation_is_given_the_goal_again() {
     let mut drone = member_on_task();
     let (transmits, _) = drone.input(Input::Navigation(NavigationNotice::Resync));
