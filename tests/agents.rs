@@ -10,7 +10,9 @@ mod template;
 
 use std::collections::BTreeSet;
 use std::fs;
+use std::panic;
 use std::path::Path;
+use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use assert_cmd::Command;
@@ -296,6 +298,26 @@ fn agent_that_keeps_failing_is_given_up_and_the_others_fly_on() {
         .collect();
     let text = format!("the agent of drone 1 failed: {expected}");
     assert_eq!(marks, [(&[1][..], text.as_str()); 6]);
+}
+
+/// Fails with other words each time.
+struct Talking(&'static AtomicU32);
+
+impl Agent for Talking {
+    fn start(&mut self, context: &mut Context<'_>) {
+        context.land();
+        let word = self.0.fetch_add(1, Ordering::Relaxed);
+        panic::resume_unwind(Box::new(format!("at {word}")));
+    }
+}
+
+#[test]
+fn words_of_a_failed_agent_are_no_part_of_the_trace() {
+    static WORDS: AtomicU32 = AtomicU32::new(0);
+    let sim = plain().agents(|_| Box::new(Talking(&WORDS))).unwrap();
+    let runs = [fly(&sim), fly(&sim)].map(|run| run.report);
+    assert_eq!(runs[0].trace, runs[1].trace);
+    assert_ne!(runs[0].agent_failures, runs[1].agent_failures);
 }
 
 /// Sends as much as it may to everybody, all the time.

@@ -57,6 +57,13 @@ class Deep(Failing):
             raise ValueError("on purpose") from error
 
 
+class Addressed(Failing):
+    def telemetry(self, telemetry, cx):
+        if self.id == 1:
+            raise ValueError(f"bad {object()}")
+        cx.land()
+
+
 class Dice:
     """Flies to places drawn at random, and lands at the fifth."""
 
@@ -107,6 +114,12 @@ def long_traceback_keeps_its_exception_and_tells_the_cause(sim):
     assert "KeyError: 'a cause'" in what
 
 
+def words_of_a_failure_are_no_part_of_the_trace(sim):
+    flights = [sim.agents(Addressed).engine(engine).run() for engine in ("events", "actors", "events")]
+    assert len({run.report["trace"] for run in flights}) == 1
+    assert "bad <object object at 0x" in flights[0].agent_failures[0]["what"]
+
+
 def wrong_field_is_refused_with_a_suggestion():
     try:
         muster.Sim("thesis-1").set("radio.los", 0.1)
@@ -132,6 +145,7 @@ def main():
         flights_repeat_on_both_engines(sim)
         exception_is_the_agents_failure_with_its_traceback(sim)
         long_traceback_keeps_its_exception_and_tells_the_cause(sim)
+        words_of_a_failure_are_no_part_of_the_trace(sim)
     wrong_field_is_refused_with_a_suggestion()
     campaigns_are_tables()
     print("all hold")

@@ -343,7 +343,7 @@ impl World {
 
     /// A drone reports an event.
     fn observe(&mut self, drone: NodeId, observation: &Observation) {
-        self.scene.core.trace(drone, Kind::Observed, observation);
+        self.trace_observation(drone, observation);
         match observation {
             Observation::Mission(event) => self.observe_mission(drone, event),
             Observation::Routing(event) => {
@@ -354,6 +354,19 @@ impl World {
             Observation::Radio(event) => self.scene.core.recorder(drone).radio(event),
             Observation::Navigation(_) => {}
         }
+    }
+
+    /// Of a failed agent, only that it failed: its words may hold addresses in memory or paths of this computer.
+    fn trace_observation(&mut self, drone: NodeId, observation: &Observation) {
+        let failed;
+        let traced = match observation {
+            Observation::Mission(mission::Event::AgentFailed(_)) => {
+                failed = Observation::Mission(mission::Event::AgentFailed(String::new()));
+                &failed
+            }
+            observation => observation,
+        };
+        self.scene.core.trace(drone, Kind::Observed, traced);
     }
 
     /// A drone's mission reports an event.
