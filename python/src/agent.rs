@@ -117,14 +117,12 @@ impl PyAgent {
                     reliability,
                 } => {
                     self.next_token = token.wrapping_add(1);
-                    match context.send(to, &payload, reliability) {
-                        Ok(id) => {
-                            self.tokens.insert(id, token);
-                            if self.tokens.len() > TOKENS_MAX {
-                                self.tokens.pop_first();
-                            }
-                        }
-                        Err(error) => resume_unwind(Box::new(error.to_string())),
+                    let id = context
+                        .send(to, &payload, reliability)
+                        .expect("its length and number were checked when it was asked for");
+                    self.tokens.insert(id, token);
+                    if self.tokens.len() > TOKENS_MAX {
+                        self.tokens.pop_first();
                     }
                 }
                 Command::SetTimer(timer, after) => context.set_timer(timer, after),

@@ -5,7 +5,10 @@
 
 use std::time::Duration;
 
-use muster::agent::{self, Destination, MESSAGE_FRAME_MAX, MESSAGE_MAX, Reliability, TimerId};
+use muster::agent::{
+    self, Destination, MESSAGE_FRAME_MAX, MESSAGE_MAX, MESSAGES_PER_STEP_MAX, Reliability,
+    TIMERS_MAX, TimerId,
+};
 use muster::{Ned, NodeId, Velocity};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
@@ -48,18 +51,25 @@ pub(crate) enum Command {
 
 /// What the agent asked for, in order.
 ///
-/// Invariant: each message has the number after that of the one before.
+/// Invariant: each message has the number after that of the one before. There are at most [`MESSAGES_PER_STEP_MAX`] messages,
+/// and at most [`TIMERS_MAX`] timers run.
 pub(crate) struct Commands {
     asked: Vec<Command>,
     /// Number of the next message.
     next_token: u32,
+    /// Messages so far.
+    messages: usize,
+    /// Timers that run.
+    timers: Vec<TimerId>,
 }
 
 impl Commands {
-    const fn new(next_token: u32) -> Self {
+    const fn new(next_token: u32, timers: Vec<TimerId>) -> Self {
         Self {
             asked: Vec::new(),
             next_token,
+            messages: 0,
+            timers,
         }
     }
 
@@ -68,7 +78,18 @@ impl Commands {
     }
 
     /// Sends a message. Returns its number.
-    fn send(&mut self, to: Destination, payload: &[u8], reliability: Reliability) -> u32 {
+    fn send(
+        &mut self,
+        to: Destination,
+        payload: &[u8],
+        reliability: Reliability,
+    ) -> PyResult<u32> {
+        if self.messages >= MESSAGES_PER_STEP_MAX {
+            let message =
+                format!("an agent may send at most {MESSAGES_PER_STEP_MAX} messages in one call");
+            return Err(PyValueError::new_err(message));
+        }
+        self.messages += 1;
         let token = self.next_token;
         self.next_token = token.wrapping_add(1);
         self.push(Command::Send {
@@ -77,7 +98,26 @@ impl Commands {
             payload: payload.to_vec(),
             reliability,
         });
-        token
+        Ok(token)
+    }
+
+    /// Starts a timer, or restarts it.
+    fn set_timer(&mut self, timer: TimerId, after: Duration) -> PyResult<()> {
+        if !self.timers.contains(&timer) {
+            if self.timers.len() >= TIMERS_MAX {
+                let message = format!("{TIMERS_MAX} timers run; accepted are at most {TIMERS_MAX}");
+                return Err(PyValueError::new_err(message));
+            }
+            self.timers.push(timer);
+        }
+        self.push(Command::SetTimer(timer, after));
+        Ok(())
+    }
+
+    /// Stops a timer.
+    fn cancel_timer(&mut self, timer: TimerId) {
+        self.timers.retain(|running| *running != timer);
+        self.push(Command::CancelTimer(timer));
     }
 
     /// Yields what was asked for so far.
@@ -141,7 +181,7 @@ impl Context {
             kept: context.kept().map(<[u8]>::to_vec),
             parameters,
             rng,
-            commands: Commands::new(next_token),
+            commands: Commands::new(next_token, context.timers().collect()),
         }
     }
 }
@@ -201,15 +241,14 @@ impl Context {
         } else {
             Reliability::BestEffort
         };
-        Ok(self.commands.send(to, payload, reliability))
+        self.commands.send(to, payload, reliability)
     }
 
     /// Starts a timer with a number of one's own, or restarts it.
     fn set_timer(&mut self, timer: u32, seconds: f64) -> PyResult<()> {
         let after = Duration::try_from_secs_f64(seconds)
             .map_err(|_| PyValueError::new_err("`seconds` is a number from 0"))?;
-        self.commands.push(Command::SetTimer(TimerId(timer), after));
-        Ok(())
+        self.commands.set_timer(TimerId(timer), after)
     }
 
     /// Calls `telemetry` once in so many seconds, at least 0.01; None: on arrival only.
@@ -222,7 +261,7 @@ impl Context {
 
     /// Stops a timer.
     fn cancel_timer(&mut self, timer: u32) {
-        self.commands.push(Command::CancelTimer(TimerId(timer)));
+        self.commands.cancel_timer(TimerId(timer));
     }
 
     /// Keeps bytes for the case of a restart.

@@ -2,6 +2,8 @@
 
 import pathlib
 import re
+import subprocess
+import sys
 import tempfile
 
 import muster
@@ -64,6 +66,57 @@ class Addressed(Failing):
         cx.land()
 
 
+class Greedy:
+    """Asks for as much as it gets."""
+
+    def __init__(self, id):
+        pass
+
+    def start(self, cx):
+        messages = timers = 0
+        try:
+            while True:
+                cx.send("all", b"x")
+                messages += 1
+        except ValueError as error:
+            assert str(error) == "an agent may send at most 64 messages in one call", error
+        try:
+            while True:
+                cx.set_timer(timers, 60)
+                cx.set_timer(timers, 50)
+                timers += 1
+        except ValueError as error:
+            assert "at most 64" in str(error), error
+        cx.observe("messages", messages)
+        cx.observe("timers", timers)
+
+    def telemetry(self, telemetry, cx):
+        try:
+            cx.set_timer(100, 1)
+        except ValueError:
+            cx.cancel_timer(5)
+            cx.set_timer(100, 1)
+            cx.send("all", b"again")
+            cx.observe("replaced", 1)
+            cx.land()
+
+
+class Brittle:
+    """Can't be built again."""
+
+    built = set()
+
+    def __init__(self, id):
+        if id == 1 and id in self.built:
+            raise ValueError("only once")
+        self.built.add(id)
+
+    def telemetry(self, telemetry, cx):
+        if cx.id == 1:
+            raise ValueError("on purpose")
+        cx.land()
+
+
 class Dice:
     """Flies to places drawn at random, and lands at the fifth."""
 
@@ -120,6 +173,26 @@ def words_of_a_failure_are_no_part_of_the_trace(sim):
     assert "bad <object object at 0x" in flights[0].agent_failures[0]["what"]
 
 
+def too_many_messages_and_timers_are_errors_at_the_call(sim):
+    run = sim.agents(Greedy).run()
+    assert not run.agent_failures, run.agent_failures[0]["what"]
+    values = {(row["drone"], row["name"]): row["value"] for row in run.observed}
+    assert values == {(drone, name): value for drone in range(5)
+                      for name, value in (("messages", 64), ("timers", 64), ("replaced", 1))}
+
+
+def agent_that_cannot_be_built_again_fails_silently(folder):
+    code = f"""
+import sys
+sys.path[:0] = {[str(ROOT / "python/tests"), *sys.path]!r}
+import muster, test_muster
+run = muster.Sim({str(folder / "scenario.toml")!r}).agents(test_muster.Brittle).run()
+assert run.agent_failures[-1]["what"].endswith("ValueError: only once"), run.agent_failures
+"""
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (run.returncode, run.stderr) == (0, ""), run.stderr
+
+
 def wrong_field_is_refused_with_a_suggestion():
     try:
         muster.Sim("thesis-1").set("radio.los", 0.1)
@@ -140,12 +213,15 @@ def main():
         folder = pathlib.Path(name)
         mission = (ROOT / "scenarios/missions/field.waypoints").as_posix()
         (folder / "scout.toml").write_text(SCENARIO.format(mission=mission))
-        sim = muster.Sim(folder / "scout.toml")
+        (folder / "scenario.toml").write_text(SCENARIO.format(mission=mission))
+        sim = muster.Sim(folder / "scenario.toml")
         readme_runs(folder)
         flights_repeat_on_both_engines(sim)
         exception_is_the_agents_failure_with_its_traceback(sim)
         long_traceback_keeps_its_exception_and_tells_the_cause(sim)
         words_of_a_failure_are_no_part_of_the_trace(sim)
+        too_many_messages_and_timers_are_errors_at_the_call(sim)
+        agent_that_cannot_be_built_again_fails_silently(folder)
     wrong_field_is_refused_with_a_suggestion()
     campaigns_are_tables()
     print("all hold")

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::error::Error;
 use std::fmt;
+use std::panic::resume_unwind;
 use std::sync::{Arc, OnceLock};
 use std::time::Duration;
 
@@ -234,9 +235,9 @@ impl PlannedAgent {
         let spec = self.spec(id, drones);
         let factory = self.factory.clone();
         agent::Factory::new(move || match &factory {
-            Some(factory) => factory
-                .build(&spec)
-                .unwrap_or_else(|error| panic!("agent of drone {id}: {error}")),
+            // The host restarts the agent. No panic hook is called: the report has the error.
+            Some(factory) => (factory.build(&spec))
+                .unwrap_or_else(|error| resume_unwind(Box::new(error.to_string()))),
             None => Box::new(Missing),
         })
     }

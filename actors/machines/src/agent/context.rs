@@ -161,6 +161,11 @@ impl Context<'_> {
         self.state.timers.cancel(timer);
     }
 
+    /// The running timers, at most [`TIMERS_MAX`](super::TIMERS_MAX). The next to expire comes first.
+    pub fn timers(&self) -> impl Iterator<Item = TimerId> {
+        self.state.timers.running()
+    }
+
     /// Calls [`Agent::telemetry`](super::Agent::telemetry) once in `period`, at least [`TELEMETRY_MIN`], from now on until a
     /// restart; `None`: on arrival only, which costs nothing in between.
     pub fn set_telemetry(&mut self, period: Option<Duration>) {

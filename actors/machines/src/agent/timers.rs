@@ -38,6 +38,11 @@ impl Timers {
         })
     }
 
+    /// The running timers, the next to expire first.
+    pub(super) fn running(&self) -> impl Iterator<Item = TimerId> {
+        self.0.iter().map(|(_, timer)| *timer)
+    }
+
     pub(super) fn next(&self) -> Option<Timestamp> {
         self.0.first().map(|(at, _)| *at)
     }

@@ -84,6 +84,27 @@ fn failed_agent_is_built_anew_and_what_it_asked_for_is_not_done() {
 }
 
 #[test]
+fn context_shows_the_timers_that_run() {
+    struct Timing(Calls);
+    impl Agent for Timing {
+        fn start(&mut self, context: &mut Context<'_>) {
+            for (timer, seconds) in [(1, 3), (2, 1), (3, 2), (1, 2)] {
+                context.set_timer(TimerId(timer), seconds * SECOND);
+            }
+            context.cancel_timer(TimerId(2));
+            let running: Vec<_> = context.timers().collect();
+            self.0.lock().unwrap().push(format!("{running:?}"));
+        }
+    }
+    let mut drone = member_in_slot();
+    let calls = Arc::clone(&drone.calls);
+    let factory = Factory::new(move || Box::new(Timing(Arc::clone(&calls))));
+    drone.host.replace_factory(factory);
+    drone.order(3, &Order::Task { drones: ids(&[2]) });
+    assert_eq!(drone.calls(), ["[TimerId(3), TimerId(1)]"]);
+}
+
+#[test]
 fn long_description_of_a_failure_keeps_its_beginning_and_its_end() {
     struct Long;
     impl Agent for Long {
