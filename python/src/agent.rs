@@ -6,7 +6,7 @@ use std::panic::resume_unwind;
 use muster::agent::{self, Agent, MessageId, Outcome, TimerId};
 use muster::{AgentSpec, NodeId};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyTuple};
 use rand::RngExt;
 
 use crate::context::{Command, Context, Place, place};
@@ -91,8 +91,9 @@ impl PyAgent {
                 let cx = Bound::new(py, Context::new(context, own, self.next_token))?;
                 let mut arguments = arguments(py)?;
                 arguments.push(cx.clone().into_any());
-                object.call_method1(name, pyo3::types::PyTuple::new(py, arguments)?)?;
-                Ok(cx.borrow_mut().commands.take())
+                let called = object.call_method1(name, PyTuple::new(py, arguments)?);
+                let commands = cx.borrow_mut().commands.close();
+                called.map(|_| commands)
             };
             call().map_err(|error| traceback(py, &error))
         });

@@ -10,7 +10,7 @@ use muster::agent::{
     TIMERS_MAX, TimerId,
 };
 use muster::{Ned, NodeId, Velocity};
-use pyo3::exceptions::{PyTypeError, PyValueError};
+use pyo3::exceptions::{PyRuntimeError, PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 
@@ -61,6 +61,8 @@ pub(crate) struct Commands {
     messages: usize,
     /// Timers that run.
     timers: Vec<TimerId>,
+    /// Whether the agent's method has returned.
+    is_closed: bool,
 }
 
 impl Commands {
@@ -70,11 +72,22 @@ impl Commands {
             next_token,
             messages: 0,
             timers,
+            is_closed: false,
         }
     }
 
-    fn push(&mut self, command: Command) {
+    fn push(&mut self, command: Command) -> PyResult<()> {
+        self.check_open()?;
         self.asked.push(command);
+        Ok(())
+    }
+
+    fn check_open(&self) -> PyResult<()> {
+        if self.is_closed {
+            let message = "this context belongs to an earlier call; use the one of this call";
+            return Err(PyRuntimeError::new_err(message));
+        }
+        Ok(())
     }
 
     /// Sends a message. Returns its number.
@@ -84,6 +97,7 @@ impl Commands {
         payload: &[u8],
         reliability: Reliability,
     ) -> PyResult<u32> {
+        self.check_open()?;
         if self.messages >= MESSAGES_PER_STEP_MAX {
             let message =
                 format!("an agent may send at most {MESSAGES_PER_STEP_MAX} messages in one call");
@@ -97,12 +111,13 @@ impl Commands {
             to,
             payload: payload.to_vec(),
             reliability,
-        });
+        })?;
         Ok(token)
     }
 
     /// Starts a timer, or restarts it.
     fn set_timer(&mut self, timer: TimerId, after: Duration) -> PyResult<()> {
+        self.check_open()?;
         if !self.timers.contains(&timer) {
             if self.timers.len() >= TIMERS_MAX {
                 let message = format!("{TIMERS_MAX} timers run; accepted are at most {TIMERS_MAX}");
@@ -110,18 +125,18 @@ impl Commands {
             }
             self.timers.push(timer);
         }
-        self.push(Command::SetTimer(timer, after));
-        Ok(())
+        self.push(Command::SetTimer(timer, after))
     }
 
     /// Stops a timer.
-    fn cancel_timer(&mut self, timer: TimerId) {
+    fn cancel_timer(&mut self, timer: TimerId) -> PyResult<()> {
         self.timers.retain(|running| *running != timer);
-        self.push(Command::CancelTimer(timer));
+        self.push(Command::CancelTimer(timer))
     }
 
-    /// Yields what was asked for so far.
-    pub(crate) fn take(&mut self) -> Vec<Command> {
+    /// Yields what was asked for. From now on nothing can be.
+    pub(crate) fn close(&mut self) -> Vec<Command> {
+        self.is_closed = true;
         std::mem::take(&mut self.asked)
     }
 }
@@ -202,25 +217,23 @@ impl Context {
 
     /// Flies straight to a place (metres north, east, above home) and holds there.
     fn go_to(&mut self, place: Place) -> PyResult<()> {
-        self.commands.push(Command::GoTo(ned(place)?));
-        Ok(())
+        self.commands.push(Command::GoTo(ned(place)?))
     }
 
     /// Follows a place that moves at a velocity (metres per second north, east, up). Repeat it at least once a second.
     fn track(&mut self, place: Place, velocity: Place) -> PyResult<()> {
         let velocity = Velocity(ned(velocity)?.0);
-        self.commands.push(Command::Track(ned(place)?, velocity));
-        Ok(())
+        self.commands.push(Command::Track(ned(place)?, velocity))
     }
 
     /// Comes to rest.
-    fn hold(&mut self) {
-        self.commands.push(Command::Hold);
+    fn hold(&mut self) -> PyResult<()> {
+        self.commands.push(Command::Hold)
     }
 
     /// Descends on the spot and disarms. The agent is not called any more.
-    fn land(&mut self) {
-        self.commands.push(Command::Land);
+    fn land(&mut self) -> PyResult<()> {
+        self.commands.push(Command::Land)
     }
 
     /// Sends bytes to "leader", "neighbours", "all" or a drone's number. Returns the message's number.
@@ -255,13 +268,12 @@ impl Context {
     fn set_telemetry(&mut self, seconds: Option<f64>) -> PyResult<()> {
         let period = seconds.map(Duration::try_from_secs_f64).transpose();
         let period = period.map_err(|_| PyValueError::new_err("`seconds` is a number from 0, or None"))?;
-        self.commands.push(Command::SetTelemetry(period));
-        Ok(())
+        self.commands.push(Command::SetTelemetry(period))
     }
 
     /// Stops a timer.
-    fn cancel_timer(&mut self, timer: u32) {
-        self.commands.cancel_timer(TimerId(timer));
+    fn cancel_timer(&mut self, timer: u32) -> PyResult<()> {
+        self.commands.cancel_timer(TimerId(timer))
     }
 
     /// Keeps bytes for the case of a restart.
@@ -271,14 +283,14 @@ impl Context {
             let message = format!("{len} bytes are too many; accepted are at most {max}");
             return Err(PyValueError::new_err(message));
         }
+        self.commands.push(Command::Keep(kept.to_vec()))?;
         self.kept = Some(kept.to_vec());
-        self.commands.push(Command::Keep(kept.to_vec()));
         Ok(())
     }
 
     /// Reports a named number to observers.
-    fn observe(&mut self, name: &str, value: f64) {
-        self.commands.push(Command::Observe(name.to_owned(), value));
+    fn observe(&mut self, name: &str, value: f64) -> PyResult<()> {
+        self.commands.push(Command::Observe(name.to_owned(), value))
     }
 }
 

@@ -1,5 +1,6 @@
 """What the package promises: the README's examples run, flights repeat, failures are told. Run it as a program."""
 
+import contextlib
 import pathlib
 import re
 import subprocess
@@ -29,6 +30,17 @@ name = "scout"
 [agent.parameters]
 side_m = 40
 """
+
+
+@contextlib.contextmanager
+def raises(kind, words):
+    """The block raises an exception that says these words."""
+    try:
+        yield
+    except kind as error:
+        assert words in str(error), error
+    else:
+        raise AssertionError("it was accepted")
 
 
 class Failing:
@@ -117,6 +129,29 @@ class Brittle:
         cx.land()
 
 
+class Keeping:
+    """Keeps a context beyond its call."""
+
+    def __init__(self, id):
+        pass
+
+    def start(self, cx):
+        self.cx = cx
+
+    def telemetry(self, telemetry, cx):
+        commands = [
+            lambda: self.cx.go_to((0, 0, 10)), lambda: self.cx.track((0, 0, 10), (0, 0, 0)), self.cx.hold, self.cx.land,
+            lambda: self.cx.send("all", b"x"), lambda: self.cx.set_timer(1, 1), lambda: self.cx.cancel_timer(1),
+            lambda: self.cx.set_telemetry(1), lambda: self.cx.keep(b"x"), lambda: self.cx.observe("x", 1),
+        ]
+        for command in commands:
+            with raises(RuntimeError, "belongs to an earlier call"):
+                command()
+        assert self.cx.id == cx.id
+        cx.observe("refused", len(commands))
+        cx.land()
+
+
 class Dice:
     """Flies to places drawn at random, and lands at the fifth."""
 
@@ -193,13 +228,15 @@ assert run.agent_failures[-1]["what"].endswith("ValueError: only once"), run.age
     assert (run.returncode, run.stderr) == (0, ""), run.stderr
 
 
+def context_of_an_earlier_call_takes_no_commands(sim):
+    run = sim.agents(Keeping).run()
+    assert not run.agent_failures, run.agent_failures[0]["what"]
+    assert [row["value"] for row in run.observed] == [10] * 5
+
+
 def wrong_field_is_refused_with_a_suggestion():
-    try:
+    with raises(muster.MusterError, "did you mean `radio.loss`"):
         muster.Sim("thesis-1").set("radio.los", 0.1)
-    except muster.MusterError as error:
-        assert "did you mean `radio.loss`" in str(error)
-    else:
-        raise AssertionError("it was accepted")
 
 
 def campaigns_are_tables():
@@ -222,6 +259,7 @@ def main():
         words_of_a_failure_are_no_part_of_the_trace(sim)
         too_many_messages_and_timers_are_errors_at_the_call(sim)
         agent_that_cannot_be_built_again_fails_silently(folder)
+        context_of_an_earlier_call_takes_no_commands(sim)
     wrong_field_is_refused_with_a_suggestion()
     campaigns_are_tables()
     print("all hold")
