@@ -62,6 +62,8 @@ pub struct Row {
     pub min_separation_m: Option<f64>,
     /// Number of actor restarts of all drones.
     pub restarts: u64,
+    /// Number of failures of agents, of all swarms.
+    pub agent_failures: u64,
     /// The last value of each name that agents of the scenario's own swarm observed, of whichever drone; finite ones, of the
     /// names that were observed first.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
@@ -101,6 +103,7 @@ const COLUMNS: (&[&str], &[&str]) = (
         "election_max_s",
         "min_separation_m",
         "restarts",
+        "agent_failures",
         "mission_completed",
         "violations",
         "rule",
@@ -144,6 +147,10 @@ impl Row {
             election_max_s: settled.reduce(f64::max).map(rounded),
             min_separation_m: report.min_separation_m.map(rounded),
             restarts: report.drones.iter().map(restarts).sum(),
+            agent_failures: report
+                .swarms()
+                .map(|it| it.agent_failures.len() as u64)
+                .sum(),
             observed: observed(report),
             mission_completed: report.are_missions_completed(),
             violations: report.violations.len() as u64,
@@ -199,6 +206,7 @@ impl Row {
             or_empty(self.election_max_s),
             or_empty(self.min_separation_m),
             self.restarts.to_string(),
+            self.agent_failures.to_string(),
             self.mission_completed.to_string(),
             self.violations.to_string(),
             or_empty(self.rule),
@@ -285,6 +293,11 @@ pub(super) mod tests {
             settled_after_s: Some(0.5),
             masters: vec![1, 3],
         }];
+        report.agent_failures = vec![crate::report::AgentFailure {
+            at_s: 50.0,
+            drone: 2,
+            what: "on purpose".to_owned(),
+        }];
         report.observed = [1.0, 2.0, f64::NAN, f64::MAX]
             .map(|value| ObservedValue {
                 at_s: value,
@@ -321,6 +334,7 @@ pub(super) mod tests {
         assert_eq!(field("rule"), "3");
         assert_eq!(field("drones"), "6");
         assert_eq!(field("landed"), "5");
+        assert_eq!(field("agent_failures"), "1");
     }
 
     #[test]
