@@ -29,8 +29,10 @@ pub enum Error {
     /// There is no such field.
     #[error("{0}")]
     Field(String),
-    /// The scenario names an agent that the program does not have.
-    #[error("the scenario needs the agent `{0}`; install it, or give one with `Sim::agents`")]
+    /// The scenario, or one of its other swarms, names an agent that the program does not have.
+    #[error(
+        "the scenario needs the agent `{0}`; install it, or give one with `Sim::agents`, which are those of its own swarm"
+    )]
     NoAgent(String),
     /// The machine could not start the run.
     #[error(transparent)]
@@ -81,7 +83,8 @@ impl Sim {
         self
     }
 
-    /// Flies with agents that `new` builds, whatever name the scenario gives them.
+    /// Flies with agents that `new` builds, whatever name the scenario gives them. Other swarms of the scenario have the agents
+    /// that the program has installed.
     ///
     /// # Errors
     /// The scenario's protocol is not "agent".
@@ -139,8 +142,11 @@ impl Sim {
     /// The run can't be started.
     pub fn run(&self) -> Result<Run, Error> {
         let scenario = self.scenario()?;
-        if let Some(agent) = scenario.plan.agent.as_ref().filter(|it| !it.is_available()) {
-            return Err(Error::NoAgent(agent.name.clone()));
+        let others = scenario.others.iter().map(|(swarm, _)| swarm);
+        let agents = std::iter::once(&scenario).chain(others);
+        let mut agents = agents.filter_map(|swarm| swarm.plan.agent.as_ref());
+        if let Some(missing) = agents.find(|agent| !agent.is_available()) {
+            return Err(Error::NoAgent(missing.name.clone()));
         }
         let (report, flight) = engine::run(&scenario, self.engine, None)?;
         Ok(Run { report, flight })

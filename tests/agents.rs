@@ -251,6 +251,23 @@ fn plain() -> Sim {
     Sim::load(folder.join("plain.toml")).unwrap()
 }
 
+#[test]
+fn missing_agents_of_another_swarm_are_refused() {
+    install();
+    let folder = tempfile::tempdir().unwrap();
+    let plain = fs::read_to_string("tests/agents/plain.toml").unwrap();
+    let missions = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/missions");
+    let plain = plain.replace("../../scenarios/missions", missions.to_str().unwrap());
+    let joins = "[[swarms]]\nscenario = \"other.toml\"\nnorth_m = 2000\neast_m = 0\n";
+    let other = plain.replace("name = \"plain\"", "name = \"unknown\"");
+    fs::write(folder.path().join("other.toml"), other).unwrap();
+    let path = folder.path().join("two.toml");
+    fs::write(&path, format!("{plain}\n{joins}")).unwrap();
+    let sim = Sim::load(path).unwrap().agents(|_| Box::new(Lazy)).unwrap();
+    let refused = sim.run().unwrap_err().to_string();
+    assert!(refused.contains("needs the agent `unknown`"), "{refused}");
+}
+
 struct Lazy;
 
 impl Agent for Lazy {
