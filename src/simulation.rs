@@ -71,15 +71,21 @@ impl Sim {
     #[expect(clippy::needless_pass_by_value, reason = "a number is given as it is")]
     pub fn set(mut self, field: &str, value: impl ToString) -> Result<Self, Error> {
         let field = format!("{field}={}", value.to_string());
-        self.overrides.push(field.parse().map_err(Error::Field)?);
+        self.replace(field.parse().map_err(Error::Field)?);
         self.scenario()?;
         Ok(self)
+    }
+
+    /// Adds an override, instead of an earlier one of the same field.
+    fn replace(&mut self, change: Override) {
+        self.overrides.retain(|it| it.key() != change.key());
+        self.overrides.push(change);
     }
 
     /// Sets the random seed.
     #[must_use]
     pub fn seed(mut self, seed: u64) -> Self {
-        self.overrides.push(Override::seed(&seed.to_string()));
+        self.replace(Override::seed(&seed.to_string()));
         self
     }
 
@@ -148,8 +154,27 @@ impl Sim {
         if let Some(missing) = agents.find(|agent| !agent.is_available()) {
             return Err(Error::NoAgent(missing.name.clone()));
         }
-        let (report, flight) = engine::run(&scenario, self.engine, None)?;
+        let (mut report, flight) = engine::run(&scenario, self.engine, None)?;
+        if self.factory.is_some() {
+            tell_own_program(&mut report);
+        }
         Ok(Run { report, flight })
+    }
+}
+
+/// No command of muster has the agents that a program gives in its code.
+fn tell_own_program(report: &mut Report) {
+    let set: String = report
+        .overrides
+        .iter()
+        .map(|it| format!(", {it}"))
+        .collect();
+    report.command = format!(
+        "# flown by a program with agents of its own: {}, seed {}{set}",
+        report.scenario, report.seed
+    );
+    for other in &mut report.others {
+        other.command.clone_from(&report.command);
     }
 }
 

@@ -268,6 +268,47 @@ fn missing_agents_of_another_swarm_are_refused() {
     assert!(refused.contains("needs the agent `unknown`"), "{refused}");
 }
 
+#[test]
+fn field_that_is_set_again_has_its_last_value_and_is_shown_once() {
+    let sim = Sim::load("thesis-1")
+        .unwrap()
+        .set("radio.loss", 0.5)
+        .unwrap();
+    let sim = sim.set("formation.drones", 3).unwrap().seed(5);
+    let report = sim.set("radio.loss", 0.1).unwrap().seed(7).run().unwrap();
+    let command = &report.report.command;
+    assert!(
+        command.ends_with(
+            "sim thesis-1 --seed 7 --engine events --set formation.drones=3 --set radio.loss=0.1"
+        ),
+        "{command}"
+    );
+}
+
+#[test]
+fn report_with_agents_of_a_program_has_no_command_that_repeats_it() {
+    let sim = plain().agents(|_| Box::new(Landing)).unwrap();
+    let report = sim.set("radio.loss", 0.2).unwrap().run().unwrap().report;
+    let command = report.command;
+    assert!(
+        command.starts_with("# flown by a program with agents of its own: "),
+        "{command}"
+    );
+    assert!(
+        command.ends_with("plain.toml, seed 1, radio.loss=0.2"),
+        "{command}"
+    );
+}
+
+/// Lands at once.
+struct Landing;
+
+impl Agent for Landing {
+    fn start(&mut self, context: &mut Context<'_>) {
+        context.land();
+    }
+}
+
 struct Lazy;
 
 impl Agent for Lazy {

@@ -59,7 +59,7 @@ pub struct Report {
     /// Simulation engine; `None` if the drones flew as processes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub engine: Option<Engine>,
-    /// Command that repeats the run, quoted for a POSIX shell.
+    /// Command that repeats the run, quoted for a POSIX shell. A comment that says so if a program with agents of its own flew it.
     pub command: String,
     /// BLAKE3 of all observable events, in hexadecimal. `None` if the drones flew as processes: such runs don't repeat.
     #[serde(skip_serializing_if = "Option::is_none")]
