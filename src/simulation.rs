@@ -6,7 +6,7 @@ use muster_machines::agent::Agent;
 use muster_machines::identity::NodeId;
 use muster_runtime::agents::{AgentFactory, AgentSpec};
 use muster_runtime::diagnostic::BadInput;
-use muster_scenarios::engine::{self, Engine, RunError};
+use muster_scenarios::engine::{self, Engine, RunError, Stop};
 use muster_scenarios::report::{self, Flight, Report, ReportFiles, WriteError};
 use muster_scenarios::scenario::{self, Override, Scenario};
 use thiserror::Error;
@@ -147,6 +147,16 @@ impl Sim {
     /// # Errors
     /// The run can't be started.
     pub fn run(&self) -> Result<Run, Error> {
+        let never = Stop::when(|| false);
+        let run = self.run_until(&never)?;
+        Ok(run.expect("no stop is wanted"))
+    }
+
+    /// As [`Self::run`], until a stop is wanted. `None` if it was.
+    ///
+    /// # Errors
+    /// As [`Self::run`].
+    pub fn run_until(&self, stop: &Stop) -> Result<Option<Run>, Error> {
         let scenario = self.scenario()?;
         let others = scenario.others.iter().map(|(swarm, _)| swarm);
         let agents = std::iter::once(&scenario).chain(others);
@@ -154,11 +164,13 @@ impl Sim {
         if let Some(missing) = agents.find(|agent| !agent.is_available()) {
             return Err(Error::NoAgent(missing.name.clone()));
         }
-        let (mut report, flight) = engine::run(&scenario, self.engine, None)?;
+        let Some((mut report, flight)) = engine::run_until(stop, &scenario, self.engine)? else {
+            return Ok(None);
+        };
         if self.factory.is_some() {
             tell_own_program(&mut report);
         }
-        Ok(Run { report, flight })
+        Ok(Some(Run { report, flight }))
     }
 }
 

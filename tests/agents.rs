@@ -12,13 +12,14 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::panic;
 use std::path::Path;
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::time::Duration;
 
 use assert_cmd::Command;
 use muster::agent::{Agent, Context, Destination, Reliability, Telemetry, TimerId};
 use muster::report::{MarkKind, Report};
-use muster::{Engine, Ned, NodeId, Run, Sim, Velocity};
+use muster::{Engine, Ned, NodeId, Run, Sim, Stop, Velocity};
 
 /// The agents of the examples, and of the crate that `muster new agent` writes.
 fn install() {
@@ -298,6 +299,19 @@ fn report_with_agents_of_a_program_has_no_command_that_repeats_it() {
         command.ends_with("plain.toml, seed 1, radio.loss=0.2"),
         "{command}"
     );
+}
+
+#[test]
+fn run_ends_early_where_a_stop_is_wanted() {
+    let asked = Arc::new(AtomicU32::new(0));
+    let counted = Arc::clone(&asked);
+    let stop = Stop::when(move || counted.fetch_add(1, Ordering::Relaxed) > 0);
+    let sim = plain().agents(|_| Box::new(Lazy)).unwrap();
+    assert!(sim.run_until(&stop).unwrap().is_none());
+    assert!(asked.load(Ordering::Relaxed) < 5);
+    let never = Stop::when(|| false);
+    let run = sim.run_until(&never).unwrap().unwrap();
+    assert_eq!(run.report.trace, sim.run().unwrap().report.trace);
 }
 
 /// Lands at once.

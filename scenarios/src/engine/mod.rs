@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 use thiserror::Error;
 
 pub(crate) use self::run_limit::RunLimit;
+pub use self::run_limit::Stop;
 pub use crate::report::Engine;
 use crate::report::{Flight, Report, summary};
 use crate::scenario::Scenario;
@@ -52,6 +53,29 @@ pub fn run(
     let world = World::new(scenario);
     let outcome = fly_world(scenario, engine, world, watcher)?;
     Ok(summary(scenario, Some(engine), &outcome, started.elapsed()))
+}
+
+/// As [`run`], until a stop is wanted. `None` if it was.
+///
+/// # Errors
+/// As [`run`].
+pub fn run_until(
+    stop: &Stop,
+    scenario: &Scenario,
+    engine: Engine,
+) -> Result<Option<(Report, Flight)>, RunError> {
+    let started = Instant::now();
+    let world = World::new(scenario).within(RunLimit::until(stop.clone()));
+    let outcome = fly_world(scenario, engine, world, None)?;
+    if stop.is_wanted() {
+        return Ok(None);
+    }
+    Ok(Some(summary(
+        scenario,
+        Some(engine),
+        &outcome,
+        started.elapsed(),
+    )))
 }
 
 /// As [`run`]; a run that takes longer than `run_limit` of wall-clock time ends there and violates rule 10.
