@@ -38,7 +38,7 @@ pub use muster_runtime::agents::{AgentFactory, AgentSpec, Agents, ParametersErro
 pub use muster_scenarios::engine::{Engine, Stop};
 pub use muster_scenarios::report;
 
-pub use self::simulation::{Error, Run, Sim};
+pub use self::simulation::{Error, Run, Sim, check_folder};
 
 /// Runs the examples of the book's page on agents as documentation tests.
 #[cfg(doctest)]

@@ -1,6 +1,9 @@
 //! Simulations with agents of one's own.
 
+use std::borrow::Cow;
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use muster_machines::agent::Agent;
 use muster_machines::identity::NodeId;
@@ -11,13 +14,40 @@ use muster_scenarios::report::{self, Flight, Report, ReportFiles, WriteError};
 use muster_scenarios::scenario::{self, Override, Scenario};
 use thiserror::Error;
 
-/// A scenario that is ready to fly.
+use crate::command::check_ancestors;
+
+/// A scenario that is ready to fly. Its files are read once; later changes of them don't count.
 #[derive(Debug, Clone)]
 pub struct Sim {
     path: PathBuf,
+    files: Files,
     overrides: Vec<Override>,
+    /// Replaces the seed of the file and of the overrides.
+    seed: Option<u64>,
     factory: Option<AgentFactory>,
     engine: Engine,
+    /// What was read, with overrides and agents.
+    scenario: Arc<Scenario>,
+}
+
+/// Texts of files, as first read.
+#[derive(Debug, Clone, Default)]
+struct Files(Arc<Mutex<BTreeMap<PathBuf, String>>>);
+
+impl Files {
+    fn read(&self, path: &Path) -> Result<String, BadInput> {
+        let mut texts = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(text) = texts.get(path) {
+            return Ok(text.clone());
+        }
+        let text = scenario::read(path)?;
+        texts.insert(path.to_owned(), text.clone());
+        Ok(text)
+    }
+
+    fn load(&self, path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
+        scenario::load_for(path, overrides, &|file| self.read(file), None)
+    }
 }
 
 /// Why a simulation can't be set up or flown.
@@ -54,14 +84,17 @@ impl Sim {
     /// # Errors
     /// The file can't be used.
     pub fn load(path: impl AsRef<Path>) -> Result<Self, Error> {
-        let sim = Self {
-            path: path.as_ref().to_owned(),
+        let (path, files) = (path.as_ref().to_owned(), Files::default());
+        let scenario = Arc::new(files.load(&path, &[])?);
+        Ok(Self {
+            path,
+            files,
             overrides: Vec::new(),
+            seed: None,
             factory: None,
             engine: Engine::Events,
-        };
-        sim.scenario()?;
-        Ok(sim)
+            scenario,
+        })
     }
 
     /// Sets a field of the scenario, as `--set` does.
@@ -71,21 +104,19 @@ impl Sim {
     #[expect(clippy::needless_pass_by_value, reason = "a number is given as it is")]
     pub fn set(mut self, field: &str, value: impl ToString) -> Result<Self, Error> {
         let field = format!("{field}={}", value.to_string());
-        self.replace(field.parse().map_err(Error::Field)?);
-        self.scenario()?;
-        Ok(self)
-    }
-
-    /// Adds an override, instead of an earlier one of the same field.
-    fn replace(&mut self, change: Override) {
+        let change: Override = field.parse().map_err(Error::Field)?;
+        if change.is_seed() {
+            self.seed = None;
+        }
         self.overrides.retain(|it| it.key() != change.key());
         self.overrides.push(change);
+        self.read_again()
     }
 
     /// Sets the random seed.
     #[must_use]
-    pub fn seed(mut self, seed: u64) -> Self {
-        self.replace(Override::seed(&seed.to_string()));
+    pub const fn seed(mut self, seed: u64) -> Self {
+        self.seed = Some(seed);
         self
     }
 
@@ -109,8 +140,7 @@ impl Sim {
     /// The scenario's protocol is not "agent", or the agents refuse the parameters.
     pub fn agents_from(mut self, factory: AgentFactory) -> Result<Self, Error> {
         self.factory = Some(factory);
-        self.scenario()?;
-        Ok(self)
+        self.read_again()
     }
 
     /// Flies with this engine; both give the same flight. The default is [`Engine::Events`].
@@ -120,12 +150,15 @@ impl Sim {
         self
     }
 
-    /// The scenario with all that was set.
-    ///
-    /// # Errors
-    /// As [`Self::set`] and [`Self::agents_from`].
-    pub fn scenario(&self) -> Result<Scenario, Error> {
-        let mut scenario = scenario::load_for(&self.path, &self.overrides, None)?;
+    /// The scenario with all that was set but by [`Self::seed`].
+    #[must_use]
+    pub fn scenario(&self) -> &Scenario {
+        &self.scenario
+    }
+
+    /// With the fields and agents that were set.
+    fn read_again(mut self) -> Result<Self, Error> {
+        let mut scenario = self.files.load(&self.path, &self.overrides)?;
         if let Some(factory) = &self.factory {
             let drones = scenario.plan.layout.formation().drones();
             let Some(agent) = scenario.plan.agent_mut() else {
@@ -139,7 +172,25 @@ impl Sim {
                 .replace(factory.clone(), drones)
                 .map_err(|error| Error::BadInput(format!("the agent's parameters: {error}")))?;
         }
-        Ok(scenario)
+        self.scenario = Arc::new(scenario);
+        Ok(self)
+    }
+
+    /// The scenario with its seed.
+    fn seeded(&self) -> Result<Cow<'_, Scenario>, Error> {
+        let Some(seed) = self.seed else {
+            return Ok(Cow::Borrowed(&self.scenario));
+        };
+        let load = |overrides: &[Override]| -> Result<Scenario, Error> {
+            let mut scenario = self.files.load(&self.path, overrides)?;
+            if let (Some(agent), Some(given)) =
+                (scenario.plan.agent_mut(), &self.scenario.plan.agent)
+            {
+                agent.replace_by_those_of(given);
+            }
+            Ok(scenario)
+        };
+        self.scenario.with_seed_from(seed, load).map(Cow::Owned)
     }
 
     /// Flies the scenario until all drones are down, a rule is broken or the time is up.
@@ -157,9 +208,9 @@ impl Sim {
     /// # Errors
     /// As [`Self::run`].
     pub fn run_until(&self, stop: &Stop) -> Result<Option<Run>, Error> {
-        let scenario = self.scenario()?;
+        let scenario = self.seeded()?;
         let others = scenario.others.iter().map(|(swarm, _)| swarm);
-        let agents = std::iter::once(&scenario).chain(others);
+        let agents = std::iter::once(&*scenario).chain(others);
         let mut agents = agents.filter_map(|swarm| swarm.plan.agent.as_ref());
         if let Some(missing) = agents.find(|agent| !agent.is_available()) {
             return Err(Error::NoAgent(missing.name.clone()));
@@ -197,6 +248,15 @@ pub struct Run {
     pub report: Report,
     /// The tracks of its drones.
     pub flight: Flight,
+}
+
+/// Refuses a folder that a report can't be written to, before a run. It is not created.
+///
+/// # Errors
+/// The longest existing part of the path is no folder, or can't be written to.
+pub fn check_folder(folder: impl AsRef<Path>) -> Result<(), Error> {
+    let help = "a report needs a folder; it is created if it does not exist";
+    Ok(check_ancestors(folder.as_ref(), help)?)
 }
 
 impl Run {

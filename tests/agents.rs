@@ -314,6 +314,32 @@ fn run_ends_early_where_a_stop_is_wanted() {
     assert_eq!(run.report.trace, sim.run().unwrap().report.trace);
 }
 
+#[test]
+fn files_are_read_once_and_agents_are_built_once_a_drone() {
+    static BUILT: AtomicU32 = AtomicU32::new(0);
+    let folder = tempfile::tempdir().unwrap();
+    let plain = fs::read_to_string("tests/agents/plain.toml").unwrap();
+    let missions = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/missions");
+    let plain = plain.replace("../../scenarios/missions", missions.to_str().unwrap());
+    let path = folder.path().join("plain.toml");
+    // The seed decides the places.
+    fs::write(&path, plain.replace("linear", "random")).unwrap();
+    let new = |_| -> Box<dyn Agent> {
+        BUILT.fetch_add(1, Ordering::Relaxed);
+        Box::new(Landing)
+    };
+    let sim = Sim::load(&path).unwrap().agents(new).unwrap();
+    let first = sim.clone().seed(2).run().unwrap().report.trace;
+    assert_eq!(BUILT.load(Ordering::Relaxed), 6, "one is built as a trial");
+    fs::write(&path, "").unwrap();
+    assert_eq!(sim.clone().seed(2).run().unwrap().report.trace, first);
+    assert_ne!(sim.clone().seed(3).run().unwrap().report.trace, first);
+    let set = sim.clone().set("seed", 2).unwrap();
+    assert_eq!(set.run().unwrap().report.trace, first);
+    let large = sim.seed(u64::MAX).run().unwrap_err().to_string();
+    assert!(large.contains("the number is too"), "{large}");
+}
+
 /// Lands at once.
 struct Landing;
 

@@ -210,6 +210,11 @@ impl PlannedAgent {
         Ok(())
     }
 
+    /// Flies with the agents of another plan, which has the same parameters.
+    pub fn replace_by_those_of(&mut self, other: &Self) {
+        self.factory.clone_from(&other.factory);
+    }
+
     /// Whether the agent accepts its parameters.
     ///
     /// # Errors

@@ -45,7 +45,7 @@ pub(crate) fn check_file(out: &Path) -> Result<(), BadInput> {
 }
 
 /// Refuses a folder of which the longest existing part is no folder, or can't be written to.
-fn check_ancestors(folder: &Path, help: &str) -> Result<(), BadInput> {
+pub(crate) fn check_ancestors(folder: &Path, help: &str) -> Result<(), BadInput> {
     let mut ancestors = folder.ancestors();
     let existing = ancestors.find(|path| path.symlink_metadata().is_ok());
     let existing = existing

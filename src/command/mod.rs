@@ -22,6 +22,7 @@ mod swarm;
 mod terminal;
 mod thesis;
 
+pub(crate) use self::folder::check_ancestors;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;

@@ -23,7 +23,7 @@ use crate::controllers::Aircraft;
 /// # Errors
 /// If a file can't be used. The error names the file, shows the place and tells what is accepted.
 pub fn load(path: &Path, overrides: &[Override]) -> Result<Scenario, BadInput> {
-    load_for(path, overrides, Some(Agents::installed()))
+    load_for(path, overrides, &shipped::read, Some(Agents::installed()))
 }
 
 /// As [`load`], with each file's text from `read`.
@@ -38,17 +38,19 @@ pub fn load_from(
     with_others(path, overrides, (read, Some(Agents::installed())))
 }
 
-/// As [`load`], with these agents instead of the program's. `None` accepts any name; the agent is given later
+/// As [`load`], with each file's text from `read`, and with these agents instead of the program's. `None` accepts any name;
+/// the agent is given later
 /// ([`PlannedAgent::replace`](muster_runtime::agents::PlannedAgent::replace)).
 ///
 /// # Errors
-/// Those of [`load`].
+/// Those of [`load`] and of `read`.
 pub fn load_for(
     path: &Path,
     overrides: &[Override],
+    read: &dyn Fn(&Path) -> Result<String, BadInput>,
     agents: Option<&Agents>,
 ) -> Result<Scenario, BadInput> {
-    with_others(&scenario_file(path)?, overrides, (&shipped::read, agents))
+    with_others(&scenario_file(path)?, overrides, (read, agents))
 }
 
 /// A scenario with its other swarms.

@@ -85,7 +85,21 @@ impl Scenario {
     /// # Errors
     /// Those of [`load`]: other places may be out of each other's range, or need layers that are too high.
     pub(crate) fn with_seed(&self, seed: u64) -> Result<Self, BadInput> {
-        if !self.draws_places || seed == self.seed {
+        self.with_seed_from(seed, |overrides| load(Path::new(&self.name), overrides))
+    }
+
+    /// The same scenario with another random seed. Where the seed decides places, `load` reads it anew, with all overrides.
+    ///
+    /// # Errors
+    /// Those of `load`.
+    pub fn with_seed_from<E>(
+        &self,
+        seed: u64,
+        load: impl FnOnce(&[Override]) -> Result<Self, E>,
+    ) -> Result<Self, E> {
+        // A file's numbers have 63 bits.
+        let fits = i64::try_from(seed).is_ok();
+        if seed == self.seed || (fits && !self.draws_places) {
             return Ok(Self {
                 seed,
                 ..self.clone()
@@ -93,7 +107,7 @@ impl Scenario {
         }
         let mut overrides = self.overrides.clone();
         overrides.push(Override::seed(&seed.to_string()));
-        load(Path::new(&self.name), &overrides)
+        load(&overrides)
     }
 
     /// All swarms of the world, its own first.
