@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::panic::resume_unwind;
+use std::sync::Arc;
 
 use muster::agent::{self, Agent, MessageId, Outcome, TimerId};
 use muster::{AgentSpec, NodeId};
@@ -10,6 +11,7 @@ use pyo3::types::{PyBytes, PyDict, PyTuple};
 use rand::RngExt;
 
 use crate::context::{Command, Context, Place, place};
+use crate::interrupt::Interrupt;
 
 /// A drone's motion.
 #[pyclass(module = "muster", frozen, get_all)]
@@ -43,6 +45,7 @@ pub(crate) struct PyAgent {
     next_token: u32,
     /// Numbers of messages whose outcome is to come.
     tokens: BTreeMap<MessageId, u32>,
+    interrupt: Arc<Interrupt>,
 }
 
 /// Most messages whose outcome is remembered.
@@ -50,7 +53,11 @@ const TOKENS_MAX: usize = 1_024;
 
 impl PyAgent {
     /// Calls `new(id)`.
-    pub(crate) fn new(new: &Py<PyAny>, spec: &AgentSpec) -> Result<Self, String> {
+    pub(crate) fn new(
+        new: &Py<PyAny>,
+        spec: &AgentSpec,
+        interrupt: &Arc<Interrupt>,
+    ) -> Result<Self, String> {
         let parameters: serde_json::Value = spec.parameters().map_err(|error| error.to_string())?;
         Python::attach(|py| {
             let build = || -> PyResult<Self> {
@@ -58,21 +65,34 @@ impl PyAgent {
                 let parameters = json.call_method1("loads", (parameters.to_string(),))?;
                 Ok(Self {
                     object: new.call1(py, (spec.id.0,))?,
-                    parameters: parameters.cast_into::<PyDict>().map_err(PyErr::from)?.unbind(),
+                    parameters: parameters
+                        .cast_into::<PyDict>()
+                        .map_err(PyErr::from)?
+                        .unbind(),
                     rng: None,
                     next_token: 0,
                     tokens: BTreeMap::new(),
+                    interrupt: Arc::clone(interrupt),
                 })
             };
-            build().map_err(|error| traceback(py, &error))
+            build().map_err(|error| {
+                let traceback = traceback(py, &error);
+                if Interrupt::takes(py, &error) {
+                    interrupt.raise(error);
+                }
+                traceback
+            })
         })
     }
 
-    /// Calls a method if the object has it, then carries out what it asked for.
+    /// Calls a method if the object has it, then carries out what it asked for. Lands once runs are to end.
     fn call<F>(&mut self, context: &mut agent::Context<'_>, name: &str, arguments: F)
     where
         F: for<'py> FnOnce(Python<'py>) -> PyResult<Vec<Bound<'py, PyAny>>>,
     {
+        if self.interrupt.is_raised() {
+            return context.land();
+        }
         let called = Python::attach(|py| {
             let call = || -> PyResult<Vec<Command>> {
                 let object = self.object.bind(py);
@@ -95,7 +115,13 @@ impl PyAgent {
                 let commands = cx.borrow_mut().commands.close();
                 called.map(|_| commands)
             };
-            call().map_err(|error| traceback(py, &error))
+            match call() {
+                Err(error) if Interrupt::takes(py, &error) => {
+                    self.interrupt.raise(error);
+                    Ok(vec![Command::Land])
+                }
+                called => called.map_err(|error| traceback(py, &error)),
+            }
         });
         match called {
             Ok(commands) => self.carry_out(commands, context),

@@ -23,10 +23,15 @@ pub(crate) fn place(at: Ned) -> Place {
 }
 
 fn ned((north_m, east_m, altitude_m): Place) -> PyResult<Ned> {
-    if [north_m, east_m, altitude_m].iter().all(|it| it.is_finite()) {
+    if [north_m, east_m, altitude_m]
+        .iter()
+        .all(|it| it.is_finite())
+    {
         Ok(Ned::new(north_m, east_m, -altitude_m))
     } else {
-        Err(PyValueError::new_err("a place has three finite numbers: north, east, altitude"))
+        Err(PyValueError::new_err(
+            "a place has three finite numbers: north, east, altitude",
+        ))
     }
 }
 
@@ -91,12 +96,7 @@ impl Commands {
     }
 
     /// Sends a message. Returns its number.
-    fn send(
-        &mut self,
-        to: Destination,
-        payload: &[u8],
-        reliability: Reliability,
-    ) -> PyResult<u32> {
+    fn send(&mut self, to: Destination, payload: &[u8], reliability: Reliability) -> PyResult<u32> {
         self.check_open()?;
         if self.messages >= MESSAGES_PER_STEP_MAX {
             let message =
@@ -267,7 +267,8 @@ impl Context {
     /// Calls `telemetry` once in so many seconds, at least 0.01; None: on arrival only.
     fn set_telemetry(&mut self, seconds: Option<f64>) -> PyResult<()> {
         let period = seconds.map(Duration::try_from_secs_f64).transpose();
-        let period = period.map_err(|_| PyValueError::new_err("`seconds` is a number from 0, or None"))?;
+        let period =
+            period.map_err(|_| PyValueError::new_err("`seconds` is a number from 0, or None"))?;
         self.commands.push(Command::SetTelemetry(period))
     }
 

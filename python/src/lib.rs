@@ -1,7 +1,9 @@
 //! muster for Python: the extension module `muster._muster`. `muster/__init__.py` puts tables and plots on top.
 
 mod agent;
+mod campaign;
 mod context;
+mod interrupt;
 mod sim;
 
 use pyo3::prelude::*;

@@ -3,9 +3,12 @@
 import contextlib
 import pathlib
 import re
+import signal
 import subprocess
 import sys
 import tempfile
+import threading
+import time
 
 import muster
 
@@ -152,6 +155,33 @@ class Keeping:
         cx.land()
 
 
+class Interrupting:
+    """Presses Ctrl-C in flight."""
+
+    def __init__(self, id):
+        pass
+
+    def telemetry(self, telemetry, cx):
+        if cx.id == 1:
+            signal.raise_signal(signal.SIGINT)
+
+
+class Exiting(Interrupting):
+    def start(self, cx):
+        if cx.id == 1:
+            sys.exit("enough")
+
+
+class Endless:
+    """Flies until its time is over."""
+
+    def __init__(self, id):
+        pass
+
+    def telemetry(self, telemetry, cx):
+        pass
+
+
 class Dice:
     """Flies to places drawn at random, and lands at the fifth."""
 
@@ -234,6 +264,32 @@ def context_of_an_earlier_call_takes_no_commands(sim):
     assert [row["value"] for row in run.observed] == [10] * 5
 
 
+def interrupts_leave_the_run(sim):
+    for engine in ("events", "actors"):
+        interrupted = sim.agents(Interrupting).engine(engine)
+        for _ in range(2):
+            with raises(KeyboardInterrupt, ""):
+                interrupted.run()
+        with raises(SystemExit, "enough"):
+            sim.agents(Exiting).engine(engine).run()
+    with raises(SystemExit, "enough"):
+        sim.agents(Exiting).campaign(range(4))
+    with raises(SystemExit, "built"):
+        sim.agents(lambda id: sys.exit("built"))
+    assert sim.agents(Dice).run().figures["mission_completed"]
+
+
+def interrupt_ends_a_campaign_early(sim):
+    large = muster.Sim("big-matrix").set("formation.drones", 150)
+    endless = sim.agents(Endless)
+    for flies in (large.run, lambda: large.campaign(range(100)), lambda: endless.campaign(range(10_000))):
+        begun = time.monotonic()
+        threading.Timer(0.5, signal.raise_signal, [signal.SIGINT]).start()
+        with raises(KeyboardInterrupt, ""):
+            flies()
+        assert time.monotonic() - begun < 10
+
+
 def wrong_field_is_refused_with_a_suggestion():
     with raises(muster.MusterError, "did you mean `radio.loss`"):
         muster.Sim("thesis-1").set("radio.los", 0.1)
@@ -260,6 +316,8 @@ def main():
         too_many_messages_and_timers_are_errors_at_the_call(sim)
         agent_that_cannot_be_built_again_fails_silently(folder)
         context_of_an_earlier_call_takes_no_commands(sim)
+        interrupts_leave_the_run(sim)
+        interrupt_ends_a_campaign_early(sim)
     wrong_field_is_refused_with_a_suggestion()
     campaigns_are_tables()
     print("all hold")
