@@ -104,7 +104,7 @@ class Sim:
     """A scenario that is ready to fly. Methods return a changed copy."""
 
     def __init__(self, scenario: str, *, _sim: _muster.Sim | None = None):
-        self._sim = _sim if _sim is not None else _muster.Sim(str(scenario))
+        self._sim = _sim if _sim is not None else _muster.Sim(scenario)
 
     def set(self, field: str, value: Any) -> "Sim":
         """With a field set, as `--set field=value` does."""
@@ -119,12 +119,15 @@ class Sim:
         return Sim("", _sim=self._sim.engine(name))
 
     def agents(self, new: Callable[[int], Any]) -> "Sim":
-        """With agents: `new(id)` builds the one of a drone."""
+        """With agents: `new(id)` builds the one of a drone.
+
+        `new(0)` is called once more here, and in each `set` after it, as a trial.
+        """
         return Sim("", _sim=self._sim.agents(new))
 
     def run(self, folder: str | None = None) -> Run:
         """Flies. Writes report.html, report.json and tracks.csv into `folder` if there is one."""
-        return Run(json.loads(self._sim.run_json(None if folder is None else str(folder))))
+        return Run(json.loads(self._sim.run_json(folder)))
 
     def campaign(
         self, seeds: Iterable[int], vary: Mapping[str, Iterable[Any]] | None = None

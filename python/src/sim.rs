@@ -1,5 +1,7 @@
 //! Runs and campaigns.
 
+use std::error::Error as _;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use muster::{AgentFactory, AgentSpec, Engine};
@@ -18,8 +20,15 @@ create_exception!(
     "A scenario, a field or a run was refused."
 );
 
+/// With its causes, such as what the system said.
 fn refuse(error: muster::Error) -> PyErr {
-    MusterError::new_err(error.to_string())
+    let mut words = error.to_string();
+    let mut cause = error.source();
+    while let Some(error) = cause {
+        words.push_str(&format!(": {error}"));
+        cause = error.source();
+    }
+    MusterError::new_err(words)
 }
 
 /// A scenario that is ready to fly.
@@ -47,7 +56,7 @@ impl Sim {
 impl Sim {
     /// Reads a scenario file, or takes a shipped scenario by its name.
     #[new]
-    fn new(scenario: &str) -> PyResult<Self> {
+    fn new(scenario: PathBuf) -> PyResult<Self> {
         Ok(Self {
             sim: muster::Sim::load(scenario).map_err(refuse)?,
             interrupt: Arc::default(),
@@ -95,7 +104,10 @@ impl Sim {
 
     /// Flies. Returns the report as JSON. Writes it, a page and tracks into `folder` if there is one.
     #[pyo3(signature = (folder = None))]
-    fn run_json(&self, py: Python<'_>, folder: Option<String>) -> PyResult<String> {
+    fn run_json(&self, py: Python<'_>, folder: Option<PathBuf>) -> PyResult<String> {
+        if let Some(folder) = &folder {
+            muster::check_folder(folder).map_err(refuse)?;
+        }
         // What an earlier run may have left.
         drop(self.interrupt.take());
         let json = py.detach(|| {

@@ -290,6 +290,44 @@ def interrupt_ends_a_campaign_early(sim):
         assert time.monotonic() - begun < 10
 
 
+def folder_that_cannot_be_written_is_refused_before_the_flight(sim, folder):
+    built = []
+
+    def new(id):
+        built.append(id)
+        return Dice(id)
+
+    agents = sim.agents(new)
+    with raises(muster.MusterError, "is not a folder"):
+        agents.run(folder / "scenario.toml" / "out")
+    assert built == [0]
+    agents.run(folder / "out")
+    assert (folder / "out/report.html").is_file()
+    assert sorted(built) == [0, 0, 1, 2, 3, 4]
+    (folder / "out/report.html").unlink()
+    (folder / "out/report.html/in").mkdir(parents=True)
+    with raises(muster.MusterError, "report.html: "):
+        agents.run(folder / "out")
+
+
+def scenario_is_read_once(folder):
+    path = folder / "edited.toml"
+    path.write_text((folder / "scenario.toml").read_text().replace("linear", "random"))
+    sim = muster.Sim(path).agents(Dice)
+    trace = sim.seed(3).run().report["trace"]
+    path.write_text("")
+    assert sim.seed(3).run().report["trace"] == trace
+
+
+def campaign_ends_with_its_first_error():
+    sim = muster.Sim("thesis-1").set("formation.spacing_m", 20).set("formation.drones", 30)
+    sim = sim.set("formation.kind", "random").set("mission.file", "paddock").set("limits.altitude_max_m", 30)
+    begun = time.monotonic()
+    with raises(muster.MusterError, ""):
+        sim.campaign([3, *range(1_000, 2_000)])
+    assert time.monotonic() - begun < 20
+
+
 def wrong_field_is_refused_with_a_suggestion():
     with raises(muster.MusterError, "did you mean `radio.loss`"):
         muster.Sim("thesis-1").set("radio.los", 0.1)
@@ -316,10 +354,13 @@ def main():
         too_many_messages_and_timers_are_errors_at_the_call(sim)
         agent_that_cannot_be_built_again_fails_silently(folder)
         context_of_an_earlier_call_takes_no_commands(sim)
+        folder_that_cannot_be_written_is_refused_before_the_flight(sim, folder)
+        scenario_is_read_once(folder)
         interrupts_leave_the_run(sim)
         interrupt_ends_a_campaign_early(sim)
     wrong_field_is_refused_with_a_suggestion()
     campaigns_are_tables()
+    campaign_ends_with_its_first_error()
     print("all hold")
 
 
