@@ -35,8 +35,10 @@ pub use muster_machines::geometry::{Ned, Velocity};
 pub use muster_machines::identity::{NodeId, NodeSet};
 pub use muster_machines::time::Timestamp;
 pub use muster_runtime::agents::{AgentFactory, AgentSpec, Agents, ParametersError};
+pub use muster_scenarios::campaign::{COMBINATIONS_MAX, Row};
 pub use muster_scenarios::engine::{Engine, Stop};
 pub use muster_scenarios::report;
+pub use muster_scenarios::scenario::Variation;
 
 pub use self::simulation::{Error, Run, Sim, check_folder};
 

@@ -48,8 +48,11 @@ class Run:
 
     @property
     def figures(self) -> dict[str, Any]:
-        """The figures that are numbers, texts or truths."""
-        return {key: value for key, value in self.report.items() if not isinstance(value, (list, dict))}
+        """The figures of the scenario's own swarm that are numbers, texts or truths. `mission_completed` is that of all swarms."""
+        figures = {key: value for key, value in self.report.items() if not isinstance(value, (list, dict))}
+        swarms = [self.report, *self.report.get("others", [])]
+        figures["mission_completed"] = all(swarm["mission_completed"] for swarm in swarms)
+        return figures
 
     @property
     def drones(self) -> Table:
@@ -97,7 +100,7 @@ class Run:
 
 
 class Campaign(Table):
-    """A row for each run: the varied fields, the seed and the run's figures."""
+    """A row for each run, as in `runs.jsonl`: the varied fields, the seed and the run's figures."""
 
 
 class Sim:
@@ -132,19 +135,18 @@ class Sim:
     def campaign(
         self, seeds: Iterable[int], vary: Mapping[str, Iterable[Any]] | None = None
     ) -> Campaign:
-        """Flies each combination of varied fields with each seed, on all processors."""
-        seeds = list(seeds)
+        """Flies each combination of varied fields with each seed, on all processors.
+
+        Rows are those of `muster campaign`; `observed` has the last value of each name that agents observed.
+        """
         vary = {field: list(values) for field, values in (vary or {}).items()}
+        texts = [(field, [str(value) for value in values]) for field, values in vary.items()]
+        combinations = [dict(zip(vary, values)) for values in itertools.product(*vary.values())]
         rows = Campaign()
-        for values in itertools.product(*vary.values()):
-            fields = dict(zip(vary, values))
-            sim = self
-            for field, value in fields.items():
-                sim = sim.set(field, value)
-            for report in sim._sim.run_seeds_json(seeds, True):
-                report = json.loads(report)
-                figures = {key: it for key, it in report.items() if not isinstance(it, (list, dict))}
-                means = {f"mean_{key}": it for key, it in (report.get("means") or {}).items()}
-                counts = {"elections": len(report["elections"]), "violations": len(report["violations"])}
-                rows.append({**fields, **figures, **means, **counts})
+        for row in json.loads(self._sim.campaign_json(list(seeds), texts)):
+            del row["varied"]
+            observed = row.pop("observed", {})
+            place = {key: row.pop(key) for key in ("run", "combination")}
+            fields = combinations[place["combination"]]
+            rows.append({**place, **fields, **row, "observed": observed})
         return rows

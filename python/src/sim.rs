@@ -10,7 +10,7 @@ use pyo3::exceptions::{PyException, PyValueError};
 use pyo3::prelude::*;
 
 use crate::agent::PyAgent;
-use crate::campaign;
+use crate::campaign::Campaign;
 use crate::interrupt::Interrupt;
 
 create_exception!(
@@ -125,18 +125,17 @@ impl Sim {
         json.ok_or_else(|| self.interrupt.error())
     }
 
-    /// Flies the scenario with each seed on all processors. Returns the reports as JSON, in the order of the seeds, without
-    /// drones if `brief`.
-    fn run_seeds_json(
+    /// Flies each combination of the values of fields with each seed, on all processors. Returns the rows as JSON, in order.
+    fn campaign_json(
         &self,
         py: Python<'_>,
         seeds: Vec<u64>,
-        brief: bool,
-    ) -> PyResult<Vec<String>> {
+        vary: Vec<(String, Vec<String>)>,
+    ) -> PyResult<String> {
         drop(self.interrupt.take());
-        let reports = py.detach(|| campaign::fly(&self.sim, &seeds, brief, &self.interrupt));
-        reports
-            .map_err(refuse)?
-            .ok_or_else(|| self.interrupt.error())
+        let rows = py.detach(|| Campaign::new(&self.sim, seeds, &vary)?.fly(&self.interrupt));
+        let rows = rows.map_err(|error| self.refuse(error))?;
+        let rows = rows.ok_or_else(|| self.interrupt.error())?;
+        Ok(serde_json::to_string(&rows).expect("a row always serialises"))
     }
 }

@@ -1,6 +1,8 @@
 """What the package promises: the README's examples run, flights repeat, failures are told. Run it as a program."""
 
 import contextlib
+import csv
+import os
 import pathlib
 import re
 import signal
@@ -336,7 +338,62 @@ def wrong_field_is_refused_with_a_suggestion():
 def campaigns_are_tables():
     rows = muster.Sim("thesis-1").campaign(range(3), vary={"radio.loss": [0.0, 0.1]})
     assert rows.to_pandas().shape[0] == rows.to_arrow().num_rows == 6
-    assert {row["radio.loss"] for row in rows} == {0.0, 0.1}
+    assert [row["radio.loss"] for row in rows] == [0.0] * 3 + [0.1] * 3
+    assert [row["run"] for row in rows] == [0, 1, 2, 3, 4, 5]
+
+
+def rows_are_those_of_the_command(folder):
+    """With the program `muster`, also all figures; `.ci/python` gives it."""
+    rows = muster.Sim("two-swarms").campaign(range(2), vary={"radio.loss": [0, 0.05]})
+    run = muster.Sim("two-swarms").set("radio.loss", 0.05).seed(1).run()
+    swarms = [run.report, *run.report["others"]]
+    assert len(swarms) == 2
+    assert rows[3]["trace"] == run.report["trace"]
+    assert rows[3]["elections"] == sum(len(it["elections"]) for it in swarms)
+    assert rows[3]["mission_completed"] == run.figures["mission_completed"]
+    program = os.environ.get("MUSTER")
+    if not program:
+        return
+    command = [program, "campaign", "two-swarms", "--seeds", "0..2", "--vary", "radio.loss=0,0.05"]
+    subprocess.run([*command, "--out", folder / "command"], capture_output=True)
+    with open(folder / "command/runs.csv", newline="") as file:
+        for row, expected in zip(rows, csv.DictReader(file), strict=True):
+            assert list(row) == [*expected, "observed"]
+            for column, text in expected.items():
+                assert is_written_as(row[column], text), (column, row[column], text)
+
+
+def is_written_as(value, text):
+    """Whether runs.csv has this for a value."""
+    if value is None or isinstance(value, bool):
+        return text == {None: "", True: "true", False: "false"}[value]
+    return float(text) == value if isinstance(value, float) else text == str(value)
+
+
+def mission_of_any_swarm_counts():
+    both = {"scenario": "x", "mission_completed": True, "others": [{"mission_completed": False}]}
+    assert muster.Run(both).figures["mission_completed"] is False
+
+
+def campaigns_count_failures_and_have_observed_values(sim):
+    rows = sim.agents(Failing).campaign(range(2))
+    assert all(row["agent_failures"] > 1 for row in rows)
+    assert [row["observed"] for row in sim.agents(Greedy).campaign([5])] == [{"messages": 64, "timers": 64, "replaced": 1}]
+
+
+def contradictory_campaigns_are_refused():
+    sim = muster.Sim("thesis-1")
+    for seeds, vary, words in (
+        ([1], {"seed": [1, 2]}, "can't be varied"),
+        ([1], {"radio.loss": []}, "no values"),
+        ([1], {"radio.loss": [0.1, 0.1]}, "twice"),
+        ([1], {"radio.range_m": [200]}, "both set and varied"),
+        ([1], {"radio.loss": [n / 1e4 for n in range(150)], "radio.nakagami_m": range(1, 100)}, "combinations"),
+        ([], {}, "no seeds"),
+        ([1, 2, 1], {}, "the seed 1 is there twice"),
+    ):
+        with raises(muster.MusterError, words):
+            sim.set("radio.range_m", 300).campaign(seeds, vary=vary)
 
 
 def main():
@@ -356,10 +413,14 @@ def main():
         context_of_an_earlier_call_takes_no_commands(sim)
         folder_that_cannot_be_written_is_refused_before_the_flight(sim, folder)
         scenario_is_read_once(folder)
+        rows_are_those_of_the_command(folder)
+        campaigns_count_failures_and_have_observed_values(sim)
         interrupts_leave_the_run(sim)
         interrupt_ends_a_campaign_early(sim)
     wrong_field_is_refused_with_a_suggestion()
     campaigns_are_tables()
+    mission_of_any_swarm_counts()
+    contradictory_campaigns_are_refused()
     campaign_ends_with_its_first_error()
     print("all hold")
 

@@ -116,6 +116,22 @@ impl Row {
     #[must_use]
     pub(super) fn new(campaign: &Campaign, run: u64, report: &Report) -> Self {
         let (combination, seed) = campaign.run(run);
+        Self {
+            run,
+            combination,
+            varied: varied(campaign, combination),
+            seed,
+            engine: campaign.engine,
+            ..Self::of(report)
+        }
+    }
+
+    /// The row of a simulation on its own: run 0, without varied fields.
+    ///
+    /// # Panics
+    /// The drones flew as processes.
+    #[must_use]
+    pub fn of(report: &Report) -> Self {
         let flight_times = || report.drones.iter().filter_map(|drone| drone.flight_time_s);
         let master = report.master().and_then(|drone| drone.flight_time_s);
         let mean = |what: fn(&Barrier) -> u64| report.mean_of_barriers(what).map(rounded);
@@ -123,11 +139,11 @@ impl Row {
         let elections = || report.swarms().flat_map(|swarm| &swarm.elections);
         let settled = elections().filter_map(|it| it.settled_after_s);
         Self {
-            run,
-            combination,
-            varied: varied(campaign, combination),
-            seed,
-            engine: campaign.engine,
+            run: 0,
+            combination: 0,
+            varied: BTreeMap::new(),
+            seed: report.seed,
+            engine: report.engine.expect("a simulation has an engine"),
             trace: report.trace.clone().expect("a simulation has a trace"),
             simulated_s: rounded(report.simulated_s),
             drones: report.drones.len() as u64,
