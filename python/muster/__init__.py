@@ -14,6 +14,7 @@ from typing import Any, Callable, Iterable, Mapping
 
 from . import _muster
 from ._muster import Context, MusterError, SwarmEvent, Telemetry
+from ._values import encode
 
 __all__ = ["Campaign", "Context", "MusterError", "Run", "Sim", "SwarmEvent", "Table", "Telemetry"]
 
@@ -110,8 +111,8 @@ class Sim:
         self._sim = _sim if _sim is not None else _muster.Sim(scenario)
 
     def set(self, field: str, value: Any) -> "Sim":
-        """With a field set, as `--set field=value` does."""
-        return Sim("", _sim=self._sim.set(field, value))
+        """With a field set: to a truth, a number, a text, a path, a list or a dictionary. A path starts at the current folder."""
+        return Sim("", _sim=self._sim.set(field, encode(field, value)))
 
     def seed(self, seed: int) -> "Sim":
         """With another random seed."""
@@ -140,7 +141,7 @@ class Sim:
         Rows are those of `muster campaign`; `observed` has the last value of each name that agents observed.
         """
         vary = {field: list(values) for field, values in (vary or {}).items()}
-        texts = [(field, [str(value) for value in values]) for field, values in vary.items()]
+        texts = [(field, [encode(field, value) for value in values]) for field, values in vary.items()]
         combinations = [dict(zip(vary, values)) for values in itertools.product(*vary.values())]
         rows = Campaign()
         for row in json.loads(self._sim.campaign_json(list(seeds), texts)):

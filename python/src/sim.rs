@@ -64,11 +64,7 @@ impl Sim {
     }
 
     /// A scenario with a field set, as with `--set`.
-    fn set(&self, field: &str, value: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let value = match value.extract::<bool>() {
-            Ok(value) => value.to_string(),
-            Err(_) => value.str()?.to_string(),
-        };
+    fn set(&self, field: &str, value: &str) -> PyResult<Self> {
         let set = self.sim.clone().set(field, value);
         Ok(self.with(set.map_err(|error| self.refuse(error))?))
     }

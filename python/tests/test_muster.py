@@ -330,6 +330,58 @@ def campaign_ends_with_its_first_error():
     assert time.monotonic() - begun < 20
 
 
+def parameters_have_the_values_that_were_set(sim):
+    import numpy
+
+    seen = []
+
+    class Reading(Dice):
+        def __init__(self, id):
+            self.places = 4
+
+        def start(self, cx):
+            seen.append(cx.parameters["side_m"])
+            self.next(cx)
+
+    def read(value):
+        seen.clear()
+        sim.set("agent.parameters.side_m", value).agents(Reading).run()
+        assert all(type(it) is type(seen[0]) for it in seen)
+        return seen[0]
+
+    words = 'a "word"\n\\ \x7f \x01 é 🚁'
+    for value, expected in (
+        ((10, 20), [10, 20]),
+        ([True, False], [True, False]),
+        (True, True),
+        ("true", "true"),
+        ("1.10", "1.10"),
+        ("12", "12"),
+        ("", ""),
+        ("plain/text.toml", "plain/text.toml"),
+        ("inf", "inf"),
+        ("1979-05-27", "1979-05-27"),
+        ("[1]", "[1]"),
+        (words, words),
+        (1e-7, 1e-7),
+        (1e16, 1e16),
+        (-3, -3),
+        ({"north": {"east of": 1.5}, "x": []}, {"north": {"east of": 1.5}, "x": []}),
+        (pathlib.Path("some folder/x"), "some folder/x"),
+        (numpy.float64(0.1), 0.1),
+        (numpy.int32(7), 7),
+        (numpy.bool_(True), True),
+        (numpy.array([[1, 2]]), [[1, 2]]),
+    ):
+        found = read(value)
+        assert (found, type(found)) == (expected, type(expected)), (value, found)
+    for value in (None, [None], {1: 2}, {"x": None}, {1, 2}, b"x", object(), float("nan"), float("inf"), [2**63]):
+        with raises(TypeError, "`agent.parameters.side_m`: "):
+            sim.set("agent.parameters.side_m", value)
+        with raises(TypeError, "`agent.parameters.side_m`: "):
+            sim.campaign([1], vary={"agent.parameters.side_m": [1, value]})
+
+
 def wrong_field_is_refused_with_a_suggestion():
     with raises(muster.MusterError, "did you mean `radio.loss`"):
         muster.Sim("thesis-1").set("radio.los", 0.1)
@@ -413,6 +465,7 @@ def main():
         context_of_an_earlier_call_takes_no_commands(sim)
         folder_that_cannot_be_written_is_refused_before_the_flight(sim, folder)
         scenario_is_read_once(folder)
+        parameters_have_the_values_that_were_set(sim)
         rows_are_those_of_the_command(folder)
         campaigns_count_failures_and_have_observed_values(sim)
         interrupts_leave_the_run(sim)
