@@ -10,25 +10,32 @@ from __future__ import annotations
 
 import itertools
 import json
-from typing import Any, Callable, Iterable, Mapping
+from os import PathLike
+from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Literal, Mapping
 
 from . import _muster
 from ._muster import Context, MusterError, SwarmEvent, Telemetry
 from ._values import encode
+from .agents import Agent, Place
 
-__all__ = ["Campaign", "Context", "MusterError", "Run", "Sim", "SwarmEvent", "Table", "Telemetry"]
+if TYPE_CHECKING:
+    import matplotlib.axes
+    import pandas
+    import pyarrow
+
+__all__ = ["Agent", "Campaign", "Context", "MusterError", "Place", "Run", "Sim", "SwarmEvent", "Table", "Telemetry"]
 
 
-class Table(list):
+class Table(List[Dict[str, Any]]):
     """Rows as dictionaries, which pandas and Arrow take."""
 
-    def to_pandas(self):
+    def to_pandas(self) -> pandas.DataFrame:
         """A pandas.DataFrame. Needs pandas."""
         import pandas
 
         return pandas.DataFrame(list(self))
 
-    def to_arrow(self):
+    def to_arrow(self) -> pyarrow.Table:
         """A pyarrow.Table. Needs pyarrow."""
         import pyarrow
 
@@ -80,13 +87,16 @@ class Run:
         """A row for each rule that was broken."""
         return Table(self.report.get("violations", []))
 
-    def plot(self, name: str, axes=None):
+    def plot(self, name: str, axes: matplotlib.axes.Axes | None = None) -> matplotlib.axes.Axes:
         """Plots an observed value over time, a line for each drone. Needs matplotlib."""
+        rows = [row for row in self.observed if row["name"] == name]
+        if not rows:
+            observed = ", ".join(sorted({row["name"] for row in self.observed})) or "nothing"
+            raise ValueError(f"no agent observed `{name}`; observed is {observed}")
         if axes is None:
             import matplotlib.pyplot
 
             _, axes = matplotlib.pyplot.subplots()
-        rows = [row for row in self.observed if row["name"] == name]
         for drone in sorted({row["drone"] for row in rows}):
             own = [row for row in rows if row["drone"] == drone]
             axes.plot([row["at_s"] for row in own], [row["value"] for row in own], label=f"drone {drone}")
@@ -107,7 +117,7 @@ class Campaign(Table):
 class Sim:
     """A scenario that is ready to fly. Methods return a changed copy."""
 
-    def __init__(self, scenario: str, *, _sim: _muster.Sim | None = None):
+    def __init__(self, scenario: str | PathLike[str], *, _sim: _muster.Sim | None = None):
         self._sim = _sim if _sim is not None else _muster.Sim(scenario)
 
     def set(self, field: str, value: Any) -> "Sim":
@@ -118,18 +128,18 @@ class Sim:
         """With another random seed."""
         return Sim("", _sim=self._sim.seed(seed))
 
-    def engine(self, name: str) -> "Sim":
+    def engine(self, name: Literal["events", "actors"]) -> "Sim":
         """On the engine "events" (the default) or "actors"; both give the same flight."""
         return Sim("", _sim=self._sim.engine(name))
 
-    def agents(self, new: Callable[[int], Any]) -> "Sim":
-        """With agents: `new(id)` builds the one of a drone.
+    def agents(self, new: Callable[[int], Agent]) -> "Sim":
+        """With agents: `new(id)` builds the one of a drone, an object with at least one of the five methods.
 
         `new(0)` is called once more here, and in each `set` after it, as a trial.
         """
         return Sim("", _sim=self._sim.agents(new))
 
-    def run(self, folder: str | None = None) -> Run:
+    def run(self, folder: str | PathLike[str] | None = None) -> Run:
         """Flies. Writes report.html, report.json and tracks.csv into `folder` if there is one."""
         return Run(json.loads(self._sim.run_json(folder)))
 

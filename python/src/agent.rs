@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use muster::agent::{self, Agent, MessageId, Outcome, TimerId};
 use muster::{AgentSpec, NodeId};
+use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use rand::RngExt;
@@ -34,6 +35,8 @@ pub(crate) struct SwarmEvent {
     drones: Vec<u32>,
     /// The message that it is about.
     message: Option<u32>,
+    /// Why it was dropped.
+    reason: Option<String>,
 }
 
 /// An object with some of the methods `start`, `telemetry`, `message`, `timer` and `swarm`.
@@ -47,6 +50,9 @@ pub(crate) struct PyAgent {
     tokens: BTreeMap<MessageId, u32>,
     interrupt: Arc<Interrupt>,
 }
+
+/// The methods of an agent.
+const METHODS: [&str; 5] = ["start", "telemetry", "message", "timer", "swarm"];
 
 /// Most messages whose outcome is remembered.
 const TOKENS_MAX: usize = 1_024;
@@ -63,8 +69,10 @@ impl PyAgent {
             let build = || -> PyResult<Self> {
                 let json = py.import("json")?;
                 let parameters = json.call_method1("loads", (parameters.to_string(),))?;
+                let object = new.call1(py, (spec.id.0,))?;
+                check(object.bind(py), spec.id)?;
                 Ok(Self {
-                    object: new.call1(py, (spec.id.0,))?,
+                    object,
                     parameters: parameters
                         .cast_into::<PyDict>()
                         .map_err(PyErr::from)?
@@ -164,6 +172,19 @@ impl PyAgent {
     }
 }
 
+/// Refuses an object without any method of an agent.
+fn check(object: &Bound<'_, PyAny>, id: NodeId) -> PyResult<()> {
+    for method in METHODS {
+        if object.hasattr(method)? {
+            return Ok(());
+        }
+    }
+    let (id, kind, methods) = (id.0, object.get_type().name()?, METHODS.join(", "));
+    Err(PyTypeError::new_err(format!(
+        "`new({id})` returned a {kind}, which is no agent: it has none of the methods {methods}"
+    )))
+}
+
 /// A seed from the drone's random generator.
 fn muster_seed(context: &mut agent::Context<'_>) -> u64 {
     context.rng().random()
@@ -214,6 +235,13 @@ impl Agent for PyAgent {
     fn swarm(&mut self, event: agent::SwarmEvent, context: &mut agent::Context<'_>) {
         use agent::SwarmEvent as Is;
         let ids = |set: &muster::NodeSet| set.iter().map(|id| id.0).collect();
+        let reason = match &event {
+            Is::MessageSent {
+                outcome: Outcome::Dropped(reason),
+                ..
+            } => Some(reason.to_string()),
+            _ => None,
+        };
         let (kind, drones, message) = match &event {
             Is::LeaderChanged(leader) => ("leader_changed", vec![leader.0], None),
             Is::LeaderSilent => ("leader_silent", Vec::new(), None),
@@ -233,6 +261,7 @@ impl Agent for PyAgent {
             kind,
             drones,
             message,
+            reason,
         };
         self.call(context, "swarm", |py| {
             Ok(vec![Bound::new(py, event)?.into_any()])

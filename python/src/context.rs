@@ -165,6 +165,9 @@ pub(crate) struct Context {
     /// The drone's last known position.
     #[pyo3(get)]
     position: Place,
+    /// Highest altitude that an agent may fly to, in metres above home.
+    #[pyo3(get)]
+    altitude_max_m: f64,
     /// Waypoints of the mission file.
     #[pyo3(get)]
     waypoints: Vec<Place>,
@@ -192,6 +195,7 @@ impl Context {
             leader: context.leader().0,
             slot: place(context.slot()),
             position: place(context.position()),
+            altitude_max_m: context.altitude_max_m(),
             waypoints: context.waypoints().iter().copied().map(place).collect(),
             kept: context.kept().map(<[u8]>::to_vec),
             parameters,

@@ -205,12 +205,18 @@ class Dice:
 
 
 def readme_runs(folder):
-    scenario = (folder / "scout.toml").as_posix()
-    text = (ROOT / "python/README.md").read_text().replace('"scout.toml"', repr(scenario))
+    text = (ROOT / "python/README.md").read_text()
+    [scenario] = re.findall(r"```toml\n(.*?)```", text, re.S)
+    (folder / "scout.toml").write_text(scenario)
     blocks = re.findall(r"```python\n(.*?)```", text, re.S)
     assert len(blocks) == 2
-    for block in blocks:
-        exec(compile(block, "README.md", "exec"), {})
+    before = os.getcwd()
+    os.chdir(folder)
+    try:
+        for block in blocks:
+            exec(compile(block, "README.md", "exec"), {})
+    finally:
+        os.chdir(before)
 
 
 def flights_repeat_on_both_engines(sim):
@@ -382,6 +388,44 @@ def parameters_have_the_values_that_were_set(sim):
             sim.campaign([1], vary={"agent.parameters.side_m": [1, value]})
 
 
+class Sending:
+    """Learns why a message was dropped."""
+
+    def __init__(self, id):
+        pass
+
+    def start(self, cx):
+        assert cx.altitude_max_m > 10
+        cx.send(99, b"x", acknowledged=True)
+
+    def swarm(self, event, cx):
+        if event.kind == "message_dropped":
+            assert "drone" in event.reason, event.reason
+            cx.observe("dropped", 1)
+            cx.land()
+        else:
+            assert event.reason is None
+
+
+def reason_of_a_dropped_message_is_told(sim):
+    run = sim.agents(Sending).run()
+    assert not run.agent_failures, run.agent_failures[0]["what"]
+    assert len(run.observed) == 5
+
+
+def objects_that_are_no_agents_are_refused(sim):
+    for new, words in ((lambda id: None, "`new(0)` returned a NoneType"), (lambda id: 7, "returned a int")):
+        with raises(muster.MusterError, words):
+            sim.agents(new)
+
+
+def plot_of_an_unknown_value_names_what_was_observed(sim):
+    with raises(ValueError, "observed is messages, replaced, timers"):
+        sim.agents(Greedy).run().plot("typo")
+    with raises(ValueError, "observed is nothing"):
+        sim.agents(Dice).run().plot("typo")
+
+
 def wrong_field_is_refused_with_a_suggestion():
     with raises(muster.MusterError, "did you mean `radio.loss`"):
         muster.Sim("thesis-1").set("radio.los", 0.1)
@@ -452,7 +496,6 @@ def main():
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         mission = (ROOT / "scenarios/missions/field.waypoints").as_posix()
-        (folder / "scout.toml").write_text(SCENARIO.format(mission=mission))
         (folder / "scenario.toml").write_text(SCENARIO.format(mission=mission))
         sim = muster.Sim(folder / "scenario.toml")
         readme_runs(folder)
@@ -465,6 +508,9 @@ def main():
         context_of_an_earlier_call_takes_no_commands(sim)
         folder_that_cannot_be_written_is_refused_before_the_flight(sim, folder)
         scenario_is_read_once(folder)
+        reason_of_a_dropped_message_is_told(sim)
+        objects_that_are_no_agents_are_refused(sim)
+        plot_of_an_unknown_value_names_what_was_observed(sim)
         parameters_have_the_values_that_were_set(sim)
         rows_are_those_of_the_command(folder)
         campaigns_count_failures_and_have_observed_values(sim)
