@@ -235,7 +235,9 @@ fn errors_in_what_an_agent_takes_show_their_place_and_what_it_takes() {
 #[test]
 fn existing_folder_is_not_touched_by_muster_new_agent() {
     let folder = tempfile::tempdir().unwrap();
-    for name in [".", "Search", "1st", "muster", "fn", "std", "serde"] {
+    let of_cargo = ["build", "deps", "examples", "incremental"];
+    let others = [".", "Search", "1st", "muster", "fn", "std", "serde"];
+    for name in of_cargo.into_iter().chain(others) {
         let run = Command::cargo_bin("muster")
             .unwrap()
             .current_dir(folder.path())

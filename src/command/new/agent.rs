@@ -21,9 +21,9 @@ const FILES: [(&str, &str); 8] = [
     (".gitignore", "/target\n/runs\n"),
 ];
 
-/// Names that cargo or the compiler refuses, or that hide a crate which the written one uses. Keywords: the Rust Reference,
-/// "Keywords", of the 2024 edition.
-const TAKEN: [&str; 59] = [
+/// Names that cargo or the compiler refuses, cargo's folders among them, or that hide a crate which the written one uses.
+/// Keywords: the Rust Reference, "Keywords", of the 2024 edition.
+const TAKEN: [&str; 63] = [
     "abstract",
     "alloc",
     "as",
@@ -31,15 +31,18 @@ const TAKEN: [&str; 59] = [
     "await",
     "become",
     "box",
+    "build",
     "break",
     "const",
     "continue",
     "core",
     "crate",
+    "deps",
     "do",
     "dyn",
     "else",
     "enum",
+    "examples",
     "extern",
     "false",
     "final",
@@ -49,6 +52,7 @@ const TAKEN: [&str; 59] = [
     "if",
     "impl",
     "in",
+    "incremental",
     "let",
     "loop",
     "macro",
@@ -92,8 +96,8 @@ pub(super) fn run(folder: &Path, muster: Option<&Path>) -> Result<Outcome, Failu
     let fits = name.starts_with(is_letter)
         && (name.chars()).all(|c| is_letter(c) || c.is_ascii_digit() || "-_".contains(c));
     if !fits || TAKEN.contains(&&*name) {
-        let help = "a crate's name has lower-case letters, digits, - and _, and begins with a letter; words of Rust and names of \
-                    crates that it uses are taken";
+        let help = "a crate's name has lower-case letters, digits, - and _, and begins with a letter; words of Rust, names of \
+                    crates that it uses and of folders of cargo are taken";
         let message = "can't be the name of a crate";
         return Err(BadInput::without_excerpt(folder, message, help).into());
     }
