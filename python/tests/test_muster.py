@@ -1,6 +1,5 @@
 """What the package promises: the README's examples run, flights repeat, failures are told. Run it as a program."""
 
-import contextlib
 import csv
 import os
 import pathlib
@@ -13,6 +12,9 @@ import threading
 import time
 
 import muster
+from agents import (
+    Addressed, Deep, Dice, Endless, Exiting, Failing, Greedy, Interrupting, Keeping, Sending, raises,
+)
 
 ROOT = pathlib.Path(__file__).parents[2]
 SCENARIO = """
@@ -35,173 +37,6 @@ name = "scout"
 [agent.parameters]
 side_m = 40
 """
-
-
-@contextlib.contextmanager
-def raises(kind, words):
-    """The block raises an exception that says these words."""
-    try:
-        yield
-    except kind as error:
-        assert words in str(error), error
-    else:
-        raise AssertionError("it was accepted")
-
-
-class Failing:
-    def __init__(self, id):
-        self.id = id
-
-    def telemetry(self, telemetry, cx):
-        if self.id == 1:
-            raise ValueError("on purpose")
-        cx.land()
-
-
-class Deep(Failing):
-    """Fails 30 calls deep, with a cause."""
-
-    def telemetry(self, telemetry, cx):
-        self.odd(30) if self.id == 1 else cx.land()
-
-    def odd(self, calls):
-        self.even(calls - 1)
-
-    def even(self, calls):
-        if calls > 0:
-            self.odd(calls - 1)
-        try:
-            {}["a cause"]
-        except KeyError as error:
-            raise ValueError("on purpose") from error
-
-
-class Addressed(Failing):
-    def telemetry(self, telemetry, cx):
-        if self.id == 1:
-            raise ValueError(f"bad {object()}")
-        cx.land()
-
-
-class Greedy:
-    """Asks for as much as it gets."""
-
-    def __init__(self, id):
-        pass
-
-    def start(self, cx):
-        messages = timers = 0
-        try:
-            while True:
-                cx.send("all", b"x")
-                messages += 1
-        except ValueError as error:
-            assert str(error) == "an agent may send at most 64 messages in one call", error
-        try:
-            while True:
-                cx.set_timer(timers, 60)
-                cx.set_timer(timers, 50)
-                timers += 1
-        except ValueError as error:
-            assert "at most 64" in str(error), error
-        cx.observe("messages", messages)
-        cx.observe("timers", timers)
-
-    def telemetry(self, telemetry, cx):
-        try:
-            cx.set_timer(100, 1)
-        except ValueError:
-            cx.cancel_timer(5)
-            cx.set_timer(100, 1)
-            cx.send("all", b"again")
-            cx.observe("replaced", 1)
-            cx.land()
-
-
-class Brittle:
-    """Can't be built again."""
-
-    built = set()
-
-    def __init__(self, id):
-        if id == 1 and id in self.built:
-            raise ValueError("only once")
-        self.built.add(id)
-
-    def telemetry(self, telemetry, cx):
-        if cx.id == 1:
-            raise ValueError("on purpose")
-        cx.land()
-
-
-class Keeping:
-    """Keeps a context beyond its call."""
-
-    def __init__(self, id):
-        pass
-
-    def start(self, cx):
-        self.cx = cx
-
-    def telemetry(self, telemetry, cx):
-        commands = [
-            lambda: self.cx.go_to((0, 0, 10)), lambda: self.cx.track((0, 0, 10), (0, 0, 0)), self.cx.hold, self.cx.land,
-            lambda: self.cx.send("all", b"x"), lambda: self.cx.set_timer(1, 1), lambda: self.cx.cancel_timer(1),
-            lambda: self.cx.set_telemetry(1), lambda: self.cx.keep(b"x"), lambda: self.cx.observe("x", 1),
-        ]
-        for command in commands:
-            with raises(RuntimeError, "belongs to an earlier call"):
-                command()
-        assert self.cx.id == cx.id
-        cx.observe("refused", len(commands))
-        cx.land()
-
-
-class Interrupting:
-    """Presses Ctrl-C in flight."""
-
-    def __init__(self, id):
-        pass
-
-    def telemetry(self, telemetry, cx):
-        if cx.id == 1:
-            signal.raise_signal(signal.SIGINT)
-
-
-class Exiting(Interrupting):
-    def start(self, cx):
-        if cx.id == 1:
-            sys.exit("enough")
-
-
-class Endless:
-    """Flies until its time is over."""
-
-    def __init__(self, id):
-        pass
-
-    def telemetry(self, telemetry, cx):
-        pass
-
-
-class Dice:
-    """Flies to places drawn at random, and lands at the fifth."""
-
-    def __init__(self, id):
-        self.places = 0
-
-    def start(self, cx):
-        assert cx.parameters == {"side_m": 40}
-        self.next(cx)
-
-    def next(self, cx):
-        north, east, altitude = cx.slot
-        cx.go_to((north + cx.rng.uniform(0, 40), east, altitude))
-
-    def telemetry(self, telemetry, cx):
-        if telemetry.has_arrived:
-            self.places += 1
-            cx.land() if self.places == 5 else self.next(cx)
 
 
 def readme_runs(folder):
@@ -258,8 +93,8 @@ def agent_that_cannot_be_built_again_fails_silently(folder):
     code = f"""
 import sys
 sys.path[:0] = {[str(ROOT / "python/tests"), *sys.path]!r}
-import muster, test_muster
-run = muster.Sim({str(folder / "scenario.toml")!r}).agents(test_muster.Brittle).run()
+import agents, muster
+run = muster.Sim({str(folder / "scenario.toml")!r}).agents(agents.Brittle).run()
 assert run.agent_failures[-1]["what"].endswith("ValueError: only once"), run.agent_failures
 """
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -386,25 +221,6 @@ def parameters_have_the_values_that_were_set(sim):
             sim.set("agent.parameters.side_m", value)
         with raises(TypeError, "`agent.parameters.side_m`: "):
             sim.campaign([1], vary={"agent.parameters.side_m": [1, value]})
-
-
-class Sending:
-    """Learns why a message was dropped."""
-
-    def __init__(self, id):
-        pass
-
-    def start(self, cx):
-        assert cx.altitude_max_m > 10
-        cx.send(99, b"x", acknowledged=True)
-
-    def swarm(self, event, cx):
-        if event.kind == "message_dropped":
-            assert "drone" in event.reason, event.reason
-            cx.observe("dropped", 1)
-            cx.land()
-        else:
-            assert event.reason is None
 
 
 def reason_of_a_dropped_message_is_told(sim):
