@@ -45,9 +45,14 @@ class Deep(Failing):
 
 
 class Addressed(Failing):
+    """Fails with an address in memory, another each time."""
+
+    objects = []
+
     def telemetry(self, telemetry, cx):
         if self.id == 1:
-            raise ValueError(f"bad {object()}")
+            self.objects.append(object())
+            raise ValueError(f"bad {self.objects[-1]}")
         cx.land()
 
 
@@ -60,13 +65,13 @@ class Greedy:
     def start(self, cx):
         messages = timers = 0
         try:
-            while True:
+            while messages < 100:
                 cx.send("all", b"x")
                 messages += 1
         except ValueError as error:
             assert str(error) == "an agent may send at most 64 messages in one call", error
         try:
-            while True:
+            while timers < 100:
                 cx.set_timer(timers, 60)
                 cx.set_timer(timers, 50)
                 timers += 1
