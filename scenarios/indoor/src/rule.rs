@@ -20,9 +20,11 @@ pub enum Touched {
     Person,
     /// A person who moved towards the drone faster than it moved towards the person: no fault of the drone.
     ByPerson,
+    /// A zone that is not to be entered; the drone is in it.
+    Zone,
 }
 
-/// A moment in which the clearance was less than [`CLEARANCE_M`].
+/// A moment in which the clearance was less than [`CLEARANCE_M`]. Zones are to be stayed out of, and need no clearance.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
     /// What was touched.
@@ -72,6 +74,11 @@ pub(crate) fn wall_m(map: &Map, point: MapXy) -> f64 {
         }
     }
     nearest_m
+}
+
+/// Whether a point lies in a zone that is not to be entered.
+pub(crate) fn is_kept_out(map: &Map, point: MapXy) -> bool {
+    map.cell(point).is_some_and(|cell| map.is_kept_out(cell))
 }
 
 /// Who came towards whom faster, and how near they are; `velocity` is the drone's, in m/s along x and y.

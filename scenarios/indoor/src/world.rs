@@ -24,7 +24,7 @@ pub use crate::rule::{CLEARANCE_M, Touch, Touched};
 use crate::flat::Flat;
 use crate::people::Person;
 use crate::robot::Robot;
-use crate::rule::{person_touch, wall_m};
+use crate::rule::{is_kept_out, person_touch, wall_m};
 use muster_indoor::avoidance::{Limits, Method};
 
 /// Step of the world.
@@ -329,10 +329,11 @@ impl World {
     fn check_clearance(&mut self) {
         let drone = self.robot.pose.at;
         let velocity = self.room_velocity();
-        let mut nearest = (
-            wall_m(self.prepared.config.floor.map(), drone),
-            Touched::Wall,
-        );
+        let map = self.prepared.config.floor.map();
+        let mut nearest = (wall_m(map, drone), Touched::Wall);
+        if is_kept_out(map, drone) {
+            nearest = (0.0, Touched::Zone);
+        }
         for person in &self.people {
             let (clearance_m, touched) = person_touch(drone, velocity, person);
             if clearance_m < nearest.0 {
@@ -349,5 +350,33 @@ impl World {
         let ahead = muster_indoor::frames::BodyXy::new(velocity.forward_mps, velocity.left_mps);
         let MapXy { x_m, y_m, .. } = self.robot.pose.place(ahead);
         (x_m - self.robot.pose.at.x_m, y_m - self.robot.pose.at.y_m)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+
+    #[test]
+    fn drone_in_a_zone_breaks_the_rule_far_from_walls_and_people() {
+        let row = format!("#{}{}#\n", ".".repeat(10), "x".repeat(10));
+        let wall = "#".repeat(22);
+        let text = format!(
+            "about = \"\"\ncell_m = 0.25\nplan = '''\n{wall}\n{}{wall}\n'''\n\
+             start = {{ x_m = 1.0, y_m = 1.5, heading_deg = 0.0 }}\ncamera = {{ range_m = 4.0, cone_deg = 60.0 }}\n",
+            row.repeat(10)
+        );
+        let flat = Flat::parse(Path::new("zone"), &text).unwrap();
+        let prepared = Prepared::new(flat, Method::default()).unwrap();
+        let mut world = World::new(&prepared, Setup::undisturbed());
+        for (x_m, is_at_fault) in [(2.7, false), (2.8, true)] {
+            world.robot.pose.at = MapXy::new(x_m, 1.5);
+            world.check_clearance();
+            assert_eq!(world.outcome.clearance.is_at_fault(), is_at_fault, "{x_m}");
+        }
+        let touches = world.finish().clearance;
+        assert_eq!(touches.touches()[0].what, Touched::Zone);
     }
 }

@@ -178,3 +178,36 @@ fn patrols_end_with_a_sonar_dead_stuck_or_before_glass_and_with_all_three() {
         }
     }
 }
+
+/// A passage of 1.25 m beside a zone that is not to be entered; a person walks to and fro in it.
+fn passage() -> Prepared {
+    let wall = "#".repeat(42);
+    let free = format!("#{}#", ".".repeat(40));
+    let beside = format!("#{}{}{}#", ".".repeat(10), "x".repeat(20), ".".repeat(10));
+    let rows = [
+        vec![wall.clone()],
+        vec![free; 5],
+        vec![beside; 3],
+        vec![wall],
+    ]
+    .concat();
+    let text = format!(
+        "about = \"a passage beside a zone\"\ncell_m = 0.25\nplan = '''\n{}\n'''\n\
+         start = {{ x_m = 1.0, y_m = 1.6, heading_deg = 0.0 }}\ncamera = {{ range_m = 4.0, cone_deg = 60.0 }}\n\
+         [[people]]\nspeed_mps = 0.6\npath = [[2.0, 1.6], [9.0, 1.6]]\n",
+        rows.join("\n")
+    );
+    let flat = Flat::parse(Path::new("passage"), &text).expect("a flat");
+    Prepared::new(flat, Default::default()).expect("a flat to fly in")
+}
+
+/// Round the person, the drone entered the zone, which only its paths kept out of.
+#[test]
+fn drone_that_meets_a_person_beside_a_zone_stays_out_of_the_zone() {
+    let passage = passage();
+    for seed in 0..4 {
+        let what = format!("seed {seed}");
+        check_safe(&engine::run(&passage, Setup::exact(seed)), &what);
+        check_safe(&engine::run(&passage, Setup::seeded(seed)), &what);
+    }
+}

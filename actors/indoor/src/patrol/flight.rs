@@ -109,11 +109,15 @@ impl Flight {
         }
     }
 
-    /// What was found, and the map's walls where the pose has them.
+    /// What was found, and the map's walls and keep-out zones where the pose has them. A drone that is in a zone may cross it: it
+    /// leaves along its path.
     fn surroundings(&self, config: &Config, place: &Place) -> CertaintyGrid {
         let mut grid = self.found.clone();
         let (map, pose, odometry) = (config.floor.map(), place.pose(), place.odometry());
         let reach = SIDE as i64 / 2;
+        let is_inside = map.cell(pose.at).is_some_and(|own| map.is_kept_out(own));
+        let is_closed =
+            |cell| map.state(cell) != State::Free || (map.is_kept_out(cell) && !is_inside);
         for row in -reach..=reach {
             for column in -reach..=reach {
                 let offset = OdometryXy::new(
@@ -121,7 +125,7 @@ impl Flight {
                     odometry.at.y_m + row as f64 * CELL_M,
                 );
                 let cell = map.cell(pose.place(odometry.sight(offset)));
-                if cell.is_none_or(|cell| map.state(cell) != State::Free) {
+                if cell.is_none_or(is_closed) {
                     grid.mark((offset.x_m, offset.y_m));
                 }
             }
@@ -210,5 +214,52 @@ impl Flight {
             wrapped_rad(steering.course_rad - heading_rad),
             steering.speed_mps,
         ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::frames::{MapPose, Motion};
+    use crate::map::Map;
+    use crate::patrol::tests::config_of;
+
+    #[test]
+    fn zones_are_closed_to_a_drone_outside_and_open_to_one_inside() {
+        let plan = [
+            "#".repeat(60),
+            format!("#{}{}#", ".".repeat(38), "x".repeat(20)),
+            "#".repeat(60),
+        ];
+        let rows = [&plan[..1], &vec![plan[1].clone(); 38], &plan[2..]].concat();
+        let map = Arc::new(Map::from_text(&rows.join("\n"), 0.05).unwrap());
+        let config = config_of(&map, MapPose::new(1.0, 1.0, 0.0), 1.0);
+        let mut place = Place::new(&config, 1, Timestamp::ZERO, None);
+        let flight = Flight::new(&config);
+        let marked = |flight: &Flight, place: &Place, x_m: f64| {
+            let own = place.odometry().at;
+            let mut grid = flight.surroundings(&config, place);
+            grid.move_to((own.x_m, own.y_m));
+            grid.certainty((own.x_m + x_m, own.y_m))
+        };
+        assert_eq!(marked(&flight, &place, 0.85), 0);
+        assert_eq!(
+            marked(&flight, &place, 1.0),
+            crate::avoidance::CERTAINTY_MAX
+        );
+        place.moved(Motion {
+            forward_m: 1.2,
+            ..Motion::default()
+        });
+        let mut flight = flight;
+        flight.found.move_to((1.2, 0.0));
+        assert_eq!(marked(&flight, &place, 0.2), 0);
+        assert_eq!(
+            marked(&flight, &place, 0.85),
+            crate::avoidance::CERTAINTY_MAX,
+            "the wall"
+        );
     }
 }

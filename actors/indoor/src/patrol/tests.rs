@@ -27,12 +27,17 @@ fn room((columns, rows): (usize, usize), start: MapPose, range_m: f64) -> Config
     };
     let text: Vec<String> = (0..rows).map(line).collect();
     let map = Arc::new(Map::from_text(&text.join("\n"), 0.05).unwrap());
+    config_of(&map, start, range_m)
+}
+
+/// A map, for a camera of this range.
+pub(super) fn config_of(map: &Arc<Map>, start: MapPose, range_m: f64) -> Config {
     let limits = Limits {
         radius_m: 0.25,
         speed_max_mps: 0.5,
         turn_rate_max_rps: 1.5,
     };
-    let floor = Floor::new(Arc::clone(&map), limits.radius_m);
+    let floor = Floor::new(Arc::clone(map), limits.radius_m);
     let view = View {
         range_m,
         cone_rad: 1.0,
@@ -41,7 +46,7 @@ fn room((columns, rows): (usize, usize), start: MapPose, range_m: f64) -> Config
     Config {
         floor,
         places: Arc::new(places),
-        tables: Config::tables_of(&map).unwrap(),
+        tables: Config::tables_of(map).unwrap(),
         stops: tours[0].stops.clone(),
         view,
         start,
