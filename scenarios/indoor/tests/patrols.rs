@@ -61,15 +61,9 @@ fn patrols_of_all_flats_touch_nothing_see_all_and_keep_their_time_and_their_pose
 fn drone_passes_doors_clear_of_their_posts_with_failing_sonars() {
     let flat = prepared("flat");
     let three = [(2, Failing::Dead), (0, Failing::Stuck), (3, Failing::Glass)];
-    let cases = [
-        (1, 10, &three[..]),
-        (2, 10, &three[..]),
-        (5, 10, &three[..]),
-        (86, 20, &three[2..]),
-    ];
-    for (seed, after_s, failing) in cases {
-        let after = Duration::from_secs(after_s);
-        let failing = failing.iter().map(|(sonar, how)| (*sonar, *how, after));
+    let after = Duration::from_secs(10);
+    for seed in [1, 2] {
+        let failing = three.iter().map(|(sonar, how)| (*sonar, *how, after));
         let setup = Setup {
             failing: failing.collect(),
             ..Setup::seeded(seed)

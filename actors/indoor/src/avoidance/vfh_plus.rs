@@ -25,6 +25,8 @@ const OBSTACLE: u8 = 6;
 const SLOWED_M: f64 = 0.8;
 /// Lowest speed while there is a way, as a share of the highest.
 const SPEED_MIN: f64 = 0.25;
+/// Share of a sector that a border may be off by rounding.
+const ROUNDING: f64 = 1e-9;
 
 /// What one cell of the window adds to the histogram.
 #[derive(Debug, Clone, Copy)]
@@ -191,8 +193,12 @@ fn cover(index: usize, radius_m: f64) -> Cover {
     } else {
         libm::asin(radius_m / distance_m)
     };
-    let first = sector_of(libm::atan2(y_m, x_m) - half_width);
-    let width = (2.0 * half_width / SECTOR_RAD).ceil() as usize;
+    // In sectors. A border between two sectors belongs to neither side, so that mirrored cells cover mirrored sectors.
+    let from = (libm::atan2(y_m, x_m) - half_width) / SECTOR_RAD;
+    let to = from + 2.0 * half_width / SECTOR_RAD;
+    let (from, to) = ((from + ROUNDING).floor(), (to - ROUNDING).ceil());
+    let first = from.rem_euclid(SECTORS as f64) as usize;
+    let width = (to - from) as usize;
     let squared = distance_m * distance_m / (CELL_M * CELL_M);
     Cover {
         weight: (weight.max(0.0) * PARTS).round() as u16,
@@ -259,5 +265,68 @@ impl Avoider for VfhPlus {
             course_rad,
             speed_mps: share.max(SPEED_MIN) * self.limits.speed_max_mps,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::CertaintyGrid;
+    use super::*;
+
+    const LIMITS: Limits = Limits {
+        radius_m: 0.25,
+        speed_max_mps: 0.5,
+        turn_rate_max_rps: 1.5,
+    };
+
+    #[test]
+    fn every_bearing_within_the_enlarged_cell_is_covered() {
+        for index in 0..SIDE * SIDE {
+            let (x_m, y_m) = offset_m(index);
+            let distance_m = libm::hypot(x_m, y_m);
+            if distance_m <= LIMITS.radius_m {
+                continue;
+            }
+            let Cover { first, end, .. } = cover(index, LIMITS.radius_m);
+            let covered: SectorSet = (usize::from(first)..usize::from(end)).collect();
+            let (bearing_rad, half_rad) = (
+                libm::atan2(y_m, x_m),
+                libm::asin(LIMITS.radius_m / distance_m),
+            );
+            for part in -20..=20 {
+                // The border itself may be that of a sector.
+                let share = 0.999_999 * f64::from(part) / 20.0;
+                let sector = sector_of(bearing_rad + share * half_rad);
+                assert!(covered.contains(sector), "{x_m}, {y_m}: {sector}");
+            }
+            let all = 2.0 * half_rad / SECTOR_RAD;
+            assert!((covered.len() as f64) < all + 2.0, "{x_m}, {y_m}");
+        }
+    }
+
+    #[test]
+    fn mirrored_obstacles_give_mirrored_steering() {
+        for (column, row) in (4..30).flat_map(|it| (1..30).map(move |row| (it, row))) {
+            let steered = |side: f64| {
+                let mut grid = CertaintyGrid::new((0.025, 0.025));
+                let at = |cells: i32| 0.025 + f64::from(cells) * CELL_M;
+                grid.mark((at(column), 0.025 + side * f64::from(row) * CELL_M));
+                // Off the middle of a sector, where two ways would cost the same.
+                let goal_rad = side * 0.1;
+                let situation = Situation {
+                    grid: &grid,
+                    goal_m: 3.0,
+                    goal_rad,
+                    course_rad: goal_rad,
+                    speed_mps: 0.0,
+                    turn_rate_rps: 0.0,
+                    blind: SectorSet::NONE,
+                };
+                VfhPlus::new(LIMITS).steer(&situation).unwrap()
+            };
+            let (left, right) = (steered(1.0), steered(-1.0));
+            let off_rad = wrapped_rad(left.course_rad + right.course_rad);
+            assert!(off_rad.abs() < 1e-6, "{column}, {row}: {left:?} {right:?}");
+        }
     }
 }
