@@ -49,9 +49,9 @@ pub struct Patrol {
     seen: Seen,
     readings: VecDeque<Reading>,
     next: Timestamp,
-    /// When a sonar last worked.
+    /// When a sonar last worked. A restart takes over for how long none has.
     heard: Timestamp,
-    has_landed: bool,
+    has_ended: bool,
     outbox: VecDeque<Output<Transmit, Event>>,
 }
 
@@ -62,6 +62,7 @@ impl Patrol {
         let targets = config.places.targets().len();
         let checkpoint = checkpoint.filter(|it| it.seen.is_of(targets));
         let seen = checkpoint.map_or_else(|| Seen::none(targets), |it| it.seen.clone());
+        let unheard = checkpoint.map_or(Duration::ZERO, |it| it.unheard);
         Self {
             place: Place::new(&config, seed, now, checkpoint),
             sonars: Sonars::new(&config),
@@ -70,8 +71,8 @@ impl Patrol {
             seen,
             readings: VecDeque::new(),
             next: now + PERIOD,
-            heard: now,
-            has_landed: false,
+            heard: before(now, unheard),
+            has_ended: checkpoint.is_some_and(|it| it.has_ended),
             outbox: VecDeque::new(),
             config,
         }
@@ -113,13 +114,15 @@ impl Patrol {
                 .targets()
                 .look(map, pose, view, &mut self.seen);
         }
-        let order = if self.lands(now) {
+        self.end_helpless(now);
+        let order = if self.has_ended {
             Order::Done
         } else if self.place.is_lost() {
             Order::Search
         } else {
             self.route.next(now, &self.config, &self.place, &self.seen)
         };
+        self.has_ended |= order == Order::Done;
         if let Order::GiveUp(stop) = order {
             self.event(Event::GivenUp(stop));
         }
@@ -131,29 +134,28 @@ impl Patrol {
             .velocity(now, &self.config, &self.place, &self.sonars, &order);
         self.outbox
             .push_back(Output::Transmit(Transmit::Velocity(velocity)));
-        self.report(now, order == Order::Done);
+        self.report(now);
     }
 
-    /// Whether the drone ends the patrol where it is: no sonar has worked for [`LANDS_AFTER`], though it turned, or the pose is
-    /// not found again.
-    fn lands(&mut self, now: Timestamp) -> bool {
+    /// Ends the patrol where the drone is if no sonar has worked for [`LANDS_AFTER`], though it turned, or the pose is not found
+    /// again.
+    fn end_helpless(&mut self, now: Timestamp) {
         if self.sonars.leading_rad(now).is_some() {
             self.heard = now;
         }
         let is_helpless = now.since(self.heard) >= LANDS_AFTER || self.place.is_lost_for_good();
-        if is_helpless && !self.has_landed {
-            self.has_landed = true;
+        if is_helpless && !self.has_ended {
+            self.has_ended = true;
             self.event(Event::Landing);
         }
-        self.has_landed
     }
 
-    fn report(&mut self, now: Timestamp, is_done: bool) {
+    fn report(&mut self, now: Timestamp) {
         let visible = self.config.places.visible();
         self.event(Event::Remaining(Remaining {
             unseen: self.seen.missing(visible),
             visible: visible.len(),
-            is_done,
+            is_done: self.has_ended,
         }));
         let checkpoint = Checkpoint {
             at: now,
@@ -161,9 +163,18 @@ impl Patrol {
             covariance: self.place.covariance().into(),
             is_lost: self.place.is_lost(),
             seen: self.seen.clone(),
+            has_ended: self.has_ended,
+            unheard: now.since(self.heard),
+            lost: self.place.lost(),
         };
         self.event(Event::Checkpoint(Box::new(checkpoint)));
     }
+}
+
+/// The time so long before `now`; the epoch at the earliest.
+fn before(now: Timestamp, ago: Duration) -> Timestamp {
+    let ago = u64::try_from(ago.as_nanos()).unwrap_or(u64::MAX);
+    Timestamp::from_nanos(now.as_nanos().saturating_sub(ago))
 }
 
 /// A reading; failed if its range is none that its sensor can measure.

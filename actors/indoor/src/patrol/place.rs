@@ -7,7 +7,7 @@ use muster_machines::indoor::Checkpoint;
 use muster_machines::time::Timestamp;
 use nalgebra::{Matrix3, Vector3};
 
-use super::config::Config;
+use super::config::{Config, PERIOD};
 use crate::avoidance::Limits;
 use crate::filter::{self, Filter, Moved, OdomModel};
 use crate::frames::{MapPose, Motion, OdometryPose};
@@ -65,6 +65,11 @@ fn since(now: Timestamp, config: &Config, checkpoint: &Checkpoint) -> (MapPose, 
     (checkpoint.pose, covariance)
 }
 
+/// Steps in a time.
+fn steps_in(time: Duration) -> u32 {
+    u32::try_from(time.as_nanos() / PERIOD.as_nanos()).unwrap_or(u32::MAX)
+}
+
 /// The drone's pose.
 #[derive(Debug)]
 pub(super) struct Place {
@@ -93,7 +98,8 @@ impl Place {
             Some(checkpoint) => since(now, config, checkpoint),
             None => (config.start, diagonal(START)),
         };
-        let is_lost = checkpoint.is_some_and(|it| it.is_lost);
+        let lost = checkpoint.filter(|it| it.is_lost).map(|it| it.lost);
+        let is_lost = lost.is_some();
         // A new filter's particles are anywhere.
         let mut filter = Filter::new(Arc::clone(&config.tables), filter_config(), seed);
         if !is_lost {
@@ -107,7 +113,7 @@ impl Place {
             covariance,
             is_lost,
             otherwise: 0,
-            lost_steps: 0,
+            lost_steps: lost.map_or(0, steps_in),
         }
     }
 
@@ -176,6 +182,11 @@ impl Place {
 
     pub(super) const fn is_lost(&self) -> bool {
         self.is_lost
+    }
+
+    /// For how long the pose has been lost.
+    pub(super) fn lost(&self) -> Duration {
+        PERIOD.saturating_mul(self.lost_steps)
     }
 
     /// Whether the pose has been lost for so long that it will hardly be found.

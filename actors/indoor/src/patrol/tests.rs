@@ -134,6 +134,14 @@ impl Bench {
         last.unwrap()
     }
 
+    /// The process dies and starts again from its last checkpoint.
+    fn restart(&mut self, config: &Config) {
+        let now = Timestamp::ZERO + PERIOD * self.steps as u32;
+        let checkpoint = self.last_checkpoint();
+        self.patrol = Patrol::new(config.clone(), 2, now, Some(&checkpoint));
+        self.velocity = Velocity::default();
+    }
+
     fn is_done(&self) -> bool {
         self.events
             .iter()
@@ -269,6 +277,56 @@ fn a_restarted_patrol_continues_from_pose_covariance_and_what_was_seen() {
     let restarted = Patrol::new(config, 2, now, Some(&checkpoint));
     assert!(restarted.place.pose().at.distance_m(bench.pose.at) < 0.2);
     assert_eq!(restarted.seen, bench.patrol.seen);
+}
+
+/// It had forgotten, and flew off once a sonar echoed.
+#[test]
+fn a_patrol_that_has_ended_stays_ended_after_a_restart() {
+    let config = config();
+    for lands in [false, true] {
+        let mut bench = Bench::new(&config);
+        while !bench.is_done() && bench.steps < 3_000 {
+            bench.step(|_, echo| (!lands).then_some(echo));
+        }
+        assert_eq!(bench.events.contains(&Event::Landing), lands);
+        bench.restart(&config);
+        bench.events.clear();
+        for _ in 0..200 {
+            bench.step(|_, echo| Some(echo));
+            assert_eq!(bench.velocity, Velocity::default(), "landed: {lands}");
+        }
+        let is_quiet = |event: &Event| match event {
+            Event::Remaining(remaining) => remaining.is_done,
+            Event::Checkpoint(checkpoint) => checkpoint.has_ended,
+            _ => false,
+        };
+        assert!(bench.events.iter().all(is_quiet), "landed: {lands}");
+    }
+}
+
+#[test]
+fn restarts_put_no_landing_off() {
+    let config = config();
+    let mut unheard = Bench::new(&config);
+    while !unheard.is_done() && unheard.steps < 200 {
+        unheard.step(|_, _| None);
+        if unheard.steps.is_multiple_of(40) {
+            unheard.restart(&config);
+        }
+    }
+    assert!((100..=102).contains(&unheard.steps), "{}", unheard.steps);
+    let mut lost = Bench::new(&config);
+    lost.step(|_, echo| Some(echo));
+    let checkpoint = Checkpoint {
+        is_lost: true,
+        lost: Duration::from_secs(59),
+        ..lost.last_checkpoint()
+    };
+    lost.patrol = Patrol::new(config, 2, Timestamp::ZERO + PERIOD, Some(&checkpoint));
+    while !lost.is_done() && lost.steps < 200 {
+        lost.step(|_, _| None);
+    }
+    assert!(lost.steps < 15, "{}", lost.steps);
 }
 
 #[test]

@@ -1,3 +1,5 @@
+use std::time::Duration;
+
 use serde::{Deserialize, Serialize};
 
 use super::Seen;
@@ -68,6 +70,12 @@ pub struct Checkpoint {
     pub is_lost: bool,
     /// What was seen.
     pub seen: Seen,
+    /// Whether the patrol has ended; a drone that has landed stays where it is.
+    pub has_ended: bool,
+    /// For how long no sonar has led the drone.
+    pub unheard: Duration,
+    /// For how long the pose has been lost.
+    pub lost: Duration,
 }
 
 /// What remains to be seen.
