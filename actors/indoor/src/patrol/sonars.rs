@@ -86,7 +86,7 @@ impl Sonars {
                 }
             }
             if now.since(sonar.heard) >= DEAD_AFTER {
-                sonar.fault = Some(Fault::Dead);
+                sonar.die();
             }
             if sonar.fault != before {
                 changes.push(SonarChange {
@@ -136,6 +136,13 @@ impl Sonar {
     fn works(&self, now: Timestamp) -> bool {
         let has_echoed = self.echoed.is_some_and(|at| now.since(at) < ECHO_HOLDS);
         self.fault.is_none() && has_echoed
+    }
+
+    /// Echoes from before its death don't count for it.
+    fn die(&mut self) {
+        self.fault = Some(Fault::Dead);
+        self.suspect = (None, 0);
+        self.echoes = 0;
     }
 
     fn hear(&mut self, now: Timestamp, map: &Map, pose: MapPose, reading: &Reading) {
@@ -216,4 +223,44 @@ pub(super) fn expected_m(map: &Map, pose: MapPose, mounting: &Mounting) -> Optio
         )
     });
     rays.flatten().min_by(f64::total_cmp)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::patrol::tests::room;
+
+    #[test]
+    fn dead_sonar_is_believed_after_as_many_echoes_as_another_and_no_silence() {
+        // In the middle of a hall silence is no fault.
+        let pose = MapPose::new(6.5, 6.5, 0.0);
+        let config = room((260, 260), pose, 1.0);
+        let mut sonars = Sonars::new(&config);
+        let mounting = config.sonars[2];
+        let mut now = Timestamp::ZERO;
+        let mut judge = |echo: Option<Echo>| {
+            now += Duration::from_millis(100);
+            let taken = Duration::from_nanos(now.as_nanos());
+            let reading = echo.map(|echo| Reading {
+                mounting,
+                echo,
+                taken,
+                expires: taken + Duration::from_millis(300),
+            });
+            let readings: Vec<Reading> = reading.into_iter().collect();
+            sonars.judge(now, &config, pose, &readings);
+            sonars.all[2].fault
+        };
+        for _ in 0..2 * ECHOES_MIN {
+            assert_eq!(judge(Some(Echo::At(1.0))), None);
+        }
+        for _ in 0..10 {
+            judge(None);
+        }
+        for _ in 1..ECHOES_MIN {
+            assert_eq!(judge(Some(Echo::At(1.0))), Some(Fault::Dead));
+            assert_eq!(judge(Some(Echo::Silence)), Some(Fault::Dead));
+        }
+        assert_eq!(judge(Some(Echo::At(1.0))), None);
+    }
 }

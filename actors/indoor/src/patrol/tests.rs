@@ -17,7 +17,7 @@ pub(super) fn config() -> Config {
 }
 
 /// A room in cells of 5 cm, for a camera of this range.
-fn room((columns, rows): (usize, usize), start: MapPose, range_m: f64) -> Config {
+pub(super) fn room((columns, rows): (usize, usize), start: MapPose, range_m: f64) -> Config {
     let line = |row: usize| -> String {
         let cells = (0..columns).map(|column| {
             let is_wall = row == 0 || row == rows - 1 || column == 0 || column == columns - 1;
