@@ -330,18 +330,14 @@ impl World {
         let drone = self.robot.pose.at;
         let velocity = self.room_velocity();
         let map = self.prepared.config.floor.map();
-        let mut nearest = (wall_m(map, drone), Touched::Wall);
+        let mut near = vec![(wall_m(map, drone), Touched::Wall)];
         if is_kept_out(map, drone) {
-            nearest = (0.0, Touched::Zone);
+            near.push((0.0, Touched::Zone));
         }
-        for person in &self.people {
-            let (clearance_m, touched) = person_touch(drone, velocity, person);
-            if clearance_m < nearest.0 {
-                nearest = (clearance_m, touched);
-            }
-        }
+        let people = self.people.iter();
+        near.extend(people.map(|person| person_touch(drone, velocity, person)));
         let now = self.now();
-        self.outcome.clearance.measure(now, drone, nearest);
+        self.outcome.clearance.measure(now, drone, &near);
     }
 
     /// The drone's velocity along x and y, in m/s.

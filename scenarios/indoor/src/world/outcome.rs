@@ -81,13 +81,14 @@ impl Track {
 
 /// How far the drone stayed from walls and people.
 ///
-/// Invariant: each time that the clearance became less than [`CLEARANCE_M`] is one touch, however long it lasted.
+/// Invariant: each time that the clearance became less than [`CLEARANCE_M`] is one touch, however long it lasted. A fault of the
+/// drone while a person touches it is another.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Clearance {
     least_m: f64,
     touches: Vec<Touch>,
-    /// Whether the last measured clearance was less than [`CLEARANCE_M`].
-    is_touching: bool,
+    /// What the last touch was of, while it goes on.
+    touching: Option<Touched>,
 }
 
 impl Clearance {
@@ -95,7 +96,7 @@ impl Clearance {
         Self {
             least_m: f64::INFINITY,
             touches: Vec::new(),
-            is_touching: false,
+            touching: None,
         }
     }
 
@@ -117,24 +118,35 @@ impl Clearance {
         self.touches.iter().any(Touch::is_fault)
     }
 
-    /// Records the clearance from what is nearest to the drone at a place.
-    pub(super) fn measure(
-        &mut self,
-        at: Timestamp,
-        place: MapXy,
-        (clearance_m, what): (f64, Touched),
-    ) {
-        self.least_m = self.least_m.min(clearance_m);
-        let is_touching = clearance_m < CLEARANCE_M;
-        if is_touching && !self.is_touching {
-            self.touches.push(Touch {
-                what,
-                at,
-                place,
-                clearance_m,
-            });
+    /// Records the clearances from what is near the drone at a place.
+    pub(super) fn measure(&mut self, at: Timestamp, place: MapXy, near: &[(f64, Touched)]) {
+        for (clearance_m, _) in near {
+            self.least_m = self.least_m.min(*clearance_m);
         }
-        self.is_touching = is_touching;
+        let touches = near.iter().filter(|(it, _)| *it < CLEARANCE_M);
+        let touches = touches.map(|(clearance_m, what)| Touch {
+            what: *what,
+            at,
+            place,
+            clearance_m: *clearance_m,
+        });
+        // A fault of the drone counts before a nearer person who came to it.
+        let worst = touches.min_by(|a, b| {
+            let faults = b.is_fault().cmp(&a.is_fault());
+            faults.then(a.clearance_m.total_cmp(&b.clearance_m))
+        });
+        let Some(touch) = worst else {
+            self.touching = None;
+            return;
+        };
+        let is_new = match self.touching {
+            None => true,
+            Some(before) => before == Touched::ByPerson && touch.is_fault(),
+        };
+        if is_new {
+            self.touching = Some(touch.what);
+            self.touches.push(touch);
+        }
     }
 }
 
@@ -246,9 +258,28 @@ mod tests {
         let mut clearance = Clearance::unmeasured();
         for clearance_m in [0.5, 0.1, 0.05, 0.2, 0.1] {
             let place = MapXy::new(1.0, 2.0);
-            clearance.measure(Timestamp::ZERO, place, (clearance_m, Touched::Wall));
+            clearance.measure(Timestamp::ZERO, place, &[(clearance_m, Touched::Wall)]);
         }
         let touches = clearance.touches().len();
         assert_eq!((touches, clearance.least_m()), (2, 0.05));
+    }
+
+    #[test]
+    fn fault_while_a_person_touches_the_drone_counts() {
+        use Touched::{ByPerson, Person, Wall};
+        let faults = |ticks: &[&[(f64, Touched)]]| {
+            let mut clearance = Clearance::unmeasured();
+            for near in ticks {
+                clearance.measure(Timestamp::ZERO, MapXy::new(1.0, 2.0), near);
+            }
+            let is_fault: Vec<bool> = clearance.touches().iter().map(Touch::is_fault).collect();
+            (clearance.is_at_fault(), is_fault)
+        };
+        let then = faults(&[&[(0.14, ByPerson)], &[(0.05, Wall)], &[(0.05, Person)]]);
+        assert_eq!(then, (true, vec![false, true]));
+        let behind = faults(&[&[(0.14, Wall), (0.05, ByPerson)], &[(0.1, ByPerson)]]);
+        assert_eq!(behind, (true, vec![true]));
+        let only = faults(&[&[(0.14, ByPerson)], &[(0.3, Wall), (0.05, ByPerson)]]);
+        assert_eq!(only, (false, vec![false]));
     }
 }
