@@ -225,7 +225,7 @@ fn broken_logs_are_refused_with_the_place() {
 fn broken_flats_are_refused_with_the_place() {
     let flat = |found: &str, by: &str| replaced(FLAT, found, by);
     let person = "\n[[people]]\nspeed_mps = 1.0\npath = [[1.0, 3.9], [2.0, 3.9]]\n";
-    let cases: [(String, &[&str]); 14] = [
+    let cases: [(String, &[&str]); 17] = [
         (flat("about =", "abuot ="), &["flat.toml:2:1", "abuot"]),
         (
             flat("about = \"three rooms and a corridor, two people\"\n", ""),
@@ -238,6 +238,18 @@ fn broken_flats_are_refused_with_the_place() {
         (
             flat("cell_m = 0.25", "cell_m = nan"),
             &["flat.toml:3:10", "NaN"],
+        ),
+        (
+            flat("cell_m = 0.25", "cell_m = 0.07"),
+            &["flat.toml:3:10", "can't be 0.07", "multiples of 0.05"],
+        ),
+        (
+            flat("heading_deg = 0.0", "heading_deg = nan"),
+            &["flat.toml:38", "`heading_deg` can't be NaN", "finite"],
+        ),
+        (
+            flat("heading_deg = 0.0", "heading_deg = -inf"),
+            &["flat.toml:38", "`heading_deg` can't be -inf", "finite"],
         ),
         (
             flat("cell_m = 0.25", "cell_m = \"wide\""),

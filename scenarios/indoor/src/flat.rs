@@ -16,6 +16,8 @@ pub const CELL_M: f64 = 0.05;
 pub const PEOPLE_MAX: usize = 50;
 /// Edge of the area that a character of a plan stands for, in metres: cells of the map at least, a room at most.
 const CHARACTER_M: (f64, f64) = (CELL_M, 2.0);
+/// Length by which that edge may be off by rounding, in metres.
+const ROUNDING_M: f64 = 1e-9;
 
 /// Name and text of each shipped flat.
 const SHIPPED: [(&str, &str); 4] = [
@@ -158,15 +160,18 @@ impl Flat {
 fn drawn_map(file: &TomlFile<Raw>) -> Result<Map, BadInput> {
     let raw = &file.raw;
     let cell_m = *raw.cell_m.get_ref();
-    if !(CHARACTER_M.0..=CHARACTER_M.1).contains(&cell_m) {
-        let help = format!("{} to {} metres", CHARACTER_M.0, CHARACTER_M.1);
+    let cells = (cell_m / CELL_M).round();
+    let is_whole = (cell_m - cells * CELL_M).abs() <= ROUNDING_M;
+    if !(CHARACTER_M.0..=CHARACTER_M.1).contains(&cell_m) || !is_whole {
+        let (from, to) = CHARACTER_M;
+        let help = format!("{from} to {to} metres, in multiples of {CELL_M}");
         return Err(file.error_with(
             raw.cell_m.span(),
             &format!("`cell_m` can't be {cell_m}"),
             &help,
         ));
     }
-    let cells = (cell_m / CELL_M).round() as usize;
+    let cells = cells as usize;
     // The drawn plan first, for the places in its errors.
     Map::from_text(raw.plan.get_ref(), cell_m)
         .and_then(|_| Map::from_text(&widened(raw.plan.get_ref(), cells), CELL_M))
@@ -188,6 +193,11 @@ fn start(file: &TomlFile<Raw>, map: &Map) -> Result<MapPose, BadInput> {
         y_m,
         heading_deg,
     } = raw.start.get_ref();
+    if !heading_deg.is_finite() {
+        let message = format!("`heading_deg` can't be {heading_deg}");
+        let help = "degrees from the x axis, counter-clockwise: a finite number";
+        return Err(file.error_with(raw.start.span(), &message, help));
+    }
     let start = MapPose::new(*x_m, *y_m, heading_deg.to_radians());
     if !is_free(map, start.at) {
         let help = "a place inside, clear of walls";
