@@ -5,7 +5,7 @@ use std::collections::VecDeque;
 use super::targets::Sight;
 use super::{LOOKS_MAX, PLACE_M, Seen, TARGET_M, Targets, View};
 use crate::frames::{MapPose, MapXy};
-use crate::map::Cell;
+use crate::map::{Cell, Map};
 use crate::path::Floor;
 
 /// Why there is no plan.
@@ -57,7 +57,9 @@ impl PlanError {
 /// The places that drones can look from, with what each sees.
 #[derive(Debug, Clone)]
 pub struct Places {
+    view: View,
     targets: Targets,
+    /// The first start, then others row by row.
     places: Vec<(MapXy, Sight)>,
     visible: Seen,
 }
@@ -112,6 +114,7 @@ impl Places {
             places.push((point, sight));
         }
         Ok(Self {
+            view,
             targets,
             places,
             visible,
@@ -128,6 +131,44 @@ impl Places {
     #[must_use]
     pub const fn visible(&self) -> &Seen {
         &self.visible
+    }
+
+    /// Adds what a full turn at a point sees to `seen`. What is seen from a place is stored; from elsewhere each target in range
+    /// costs a ray. `map` is the floor's.
+    pub fn look_round(&self, map: &Map, at: MapXy, seen: &mut Seen) {
+        if let Some(sight) = self.sight(map, at) {
+            return sight.add_to(seen);
+        }
+        let heading_rad = 0.0;
+        let pose = MapPose { at, heading_rad };
+        self.targets.look(map, pose, self.view.all_round(), seen);
+    }
+
+    /// How many targets that can be seen a full turn at a point would add to `seen`. It costs as much as [`Self::look_round`].
+    #[must_use]
+    pub fn added_from(&self, map: &Map, at: MapXy, seen: &Seen) -> usize {
+        if let Some(sight) = self.sight(map, at) {
+            return sight.missing_in(seen);
+        }
+        let mut after = seen.clone();
+        self.look_round(map, at, &mut after);
+        seen.missing(&self.visible) - after.missing(&self.visible)
+    }
+
+    /// What is seen from a place; `None` if the point is none.
+    pub(super) fn sight(&self, map: &Map, at: MapXy) -> Option<&Sight> {
+        let (first, others) = self.places.split_first()?;
+        if first.0 == at {
+            return Some(&first.1);
+        }
+        let index = |at: MapXy| map.cell(at).and_then(|cell| map.index(cell));
+        let cell = index(at)?;
+        let place = others.binary_search_by_key(&Some(cell), |(it, _)| index(*it));
+        place
+            .ok()
+            .map(|it| &others[it])
+            .filter(|(it, _)| *it == at)
+            .map(|(_, sight)| sight)
     }
 
     /// The place that sees most of what `seen` lacks, with how much it adds; `None` if none adds anything. Among equals the

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::*;
 use crate::frames::MapPose;
-use crate::map::Map;
+use crate::map::{Header, Map};
 
 const FLAT: &str = "
 ########################
@@ -181,4 +181,52 @@ fn maps_too_large_for_tours_are_refused() {
     let looks = "targets to look at from all places";
     assert_eq!(refused(&open(480, 0.4), 20.0), looks);
     assert_eq!(refused(&open(48, 0.4), 0.25), "stops");
+}
+
+/// The flat, turned by 0.3 rad.
+fn turned() -> Floor {
+    let text = format!(
+        "resolution: 0.05\ncells_per_character: 6\norigin: [3.0, -2.0, 0.3]\nplan: |{}\n",
+        FLAT.replace('\n', "\n  ")
+    );
+    let map = Map::parse(&Header::parse(&text).unwrap(), &[]).unwrap();
+    Floor::new(Arc::new(map), 0.25)
+}
+
+/// Rays for all stops of a tour take up to 0.3 s.
+#[test]
+fn what_is_seen_from_a_stop_is_known_without_rays() {
+    let turned = turned();
+    let start = turned
+        .map()
+        .origin()
+        .place(crate::frames::BodyXy::new(0.9, 2.6));
+    for (floor, start) in [(floor(), START), (turned, start)] {
+        let map = floor.map();
+        let (tours, places) = plan(&floor, VIEW, &[start], 2.0).unwrap();
+        let stops = &tours[0].stops;
+        assert!(!stops.is_empty());
+        for stop in stops.iter().chain([&start]) {
+            assert!(places.sight(map, *stop).is_some(), "{stop:?}");
+        }
+        let beside = stops[0].towards(0.5, 0.03);
+        assert!(places.sight(map, beside).is_none());
+        let mut before = Seen::none(places.targets().len());
+        for point in stops.iter().copied().chain([start, beside]) {
+            let looked = seen_from(&floor, &places, &[point]);
+            let mut stored = Seen::none(places.targets().len());
+            places.look_round(map, point, &mut stored);
+            assert_eq!(stored, looked, "{point:?}");
+            let new = before.missing_of(&looked);
+            let new = new.filter(|target| places.visible().contains(*target));
+            assert_eq!(
+                places.added_from(map, point, &before),
+                new.count(),
+                "{point:?}"
+            );
+            places.look_round(map, point, &mut before);
+            assert_eq!(places.added_from(map, point, &before), 0, "{point:?}");
+        }
+        assert_eq!(before.missing(&seen_from(&floor, &places, stops)), 0);
+    }
 }

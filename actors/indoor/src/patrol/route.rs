@@ -171,12 +171,11 @@ impl Route {
             Phase::Flying(_) => self.fly(now, config, pose, seen),
             Phase::Looking(left_rad) => {
                 *left_rad -= turned.abs();
-                if *left_rad <= 0.0 || adds(config, pose, seen) == 0 {
+                if *left_rad <= 0.0 || adds(config, pose.at, seen) == 0 {
                     // What isn't seen from here is not tried again.
                     if let Some(stop) = self.leave() {
-                        let (map, view) = (config.floor.map(), config.view.all_round());
-                        let targets = config.places.targets();
-                        targets.look(map, at(stop.at), view, &mut self.tried);
+                        let map = config.floor.map();
+                        config.places.look_round(map, stop.at, &mut self.tried);
                     }
                     self.phase = Phase::Choosing;
                 }
@@ -248,7 +247,7 @@ impl Route {
     /// to come back for it at the end.
     fn choose(&mut self, now: Timestamp, config: &Config, pose: MapPose, seen: &Seen) -> Order {
         while let Some(stop) = self.stops.front() {
-            if adds(config, at(stop.at), seen) > 0 {
+            if adds(config, stop.at, seen) > 0 {
                 break;
             }
             self.stops.pop_front();
@@ -273,13 +272,12 @@ impl Route {
     fn left_behind(&mut self, config: &Config, pose: MapPose, seen: &Seen) -> Option<MapXy> {
         self.tried.add(seen);
         let mut planned = self.tried.clone();
-        let (map, view) = (config.floor.map(), config.view.all_round());
-        let targets = config.places.targets();
+        let (map, places) = (config.floor.map(), &config.places);
         for stop in &self.stops {
-            targets.look(map, at(stop.at), view, &mut planned);
+            places.look_round(map, stop.at, &mut planned);
         }
         let next_m = self.stops.front().map(|stop| stop.at.distance_m(pose.at));
-        let (place, _) = config.places.best(&planned, pose.at)?;
+        let (place, _) = places.best(&planned, pose.at)?;
         let is_near = next_m.is_none_or(|next_m| place.distance_m(pose.at) < next_m);
         (is_near && self.extra < EXTRA_MAX).then_some(place)
     }
@@ -317,7 +315,7 @@ impl Route {
             self.phase = Phase::Looking(config.look_rad());
             return Order::Look;
         }
-        if adds(config, self::at(stop.at), seen) == 0 {
+        if adds(config, stop.at, seen) == 0 {
             self.leave();
             self.phase = Phase::Choosing;
             return Order::Wait;
@@ -402,23 +400,9 @@ impl Config {
     }
 }
 
-fn at(point: MapXy) -> MapPose {
-    MapPose {
-        at: point,
-        heading_rad: 0.0,
-    }
-}
-
-/// How many targets a full turn at a pose would add.
-fn adds(config: &Config, pose: MapPose, seen: &Seen) -> usize {
-    let mut after = seen.clone();
-    let view = config.view.all_round();
-    let places = &config.places;
-    places
-        .targets()
-        .look(config.floor.map(), pose, view, &mut after);
-    let before = seen.missing(places.visible());
-    before - after.missing(places.visible())
+/// How many targets a full turn at a point would add.
+fn adds(config: &Config, at: MapXy, seen: &Seen) -> usize {
+    config.places.added_from(config.floor.map(), at, seen)
 }
 
 /// Distance from a path, and the place on it: leg and metres along that.
