@@ -3,6 +3,7 @@
 
 pub mod avoidance;
 pub mod coverage;
+mod digest;
 pub mod filter;
 pub mod log;
 pub mod map;

@@ -4,6 +4,7 @@ use std::collections::VecDeque;
 
 use super::targets::Sight;
 use super::{LOOKS_MAX, PLACE_M, Seen, TARGET_M, Targets, View};
+use crate::digest;
 use crate::frames::{MapPose, MapXy};
 use crate::map::{Cell, Map};
 use crate::path::Floor;
@@ -59,6 +60,7 @@ impl PlanError {
 pub struct Places {
     view: View,
     targets: Targets,
+    digest: u64,
     /// The first start, then others row by row.
     places: Vec<(MapXy, Sight)>,
     visible: Seen,
@@ -113,9 +115,12 @@ impl Places {
             sight.add_to(&mut visible);
             places.push((point, sight));
         }
+        let view_of = [view.range_m, view.cone_rad].map(f64::to_bits);
+        let digest = view_of.into_iter().fold(map.digest(), digest::with_word);
         Ok(Self {
             view,
             targets,
+            digest,
             places,
             visible,
         })
@@ -125,6 +130,15 @@ impl Places {
     #[must_use]
     pub const fn targets(&self) -> &Targets {
         &self.targets
+    }
+
+    /// Of what map and camera the targets are.
+    #[must_use]
+    pub fn identity(&self) -> muster_machines::indoor::Targets {
+        muster_machines::indoor::Targets {
+            number: self.targets.len(),
+            digest: self.digest,
+        }
     }
 
     /// What can be seen.

@@ -14,6 +14,7 @@ mod tests;
 mod yaml;
 mod zone;
 
+use crate::digest;
 use crate::frames::{MapPose, MapXy};
 use crate::refusal::Refusal;
 use header::Source;
@@ -209,6 +210,22 @@ impl Map {
             kept_out: vec![false; self.kept_out.len()],
             ..self.clone()
         }
+    }
+
+    /// A digest of the cells, the zones, and where they lie. Costs one pass over the map.
+    #[must_use]
+    pub fn digest(&self) -> u64 {
+        let place = [
+            self.resolution_m,
+            self.origin.at.x_m,
+            self.origin.at.y_m,
+            self.origin.heading_rad,
+        ];
+        let size = [self.columns as u64, self.rows as u64];
+        let words = place.into_iter().map(f64::to_bits).chain(size);
+        let cells = self.states.iter().zip(&self.kept_out);
+        let cells = cells.map(|(state, kept_out)| *state as u64 * 2 + u64::from(*kept_out));
+        words.chain(cells).fold(digest::EMPTY, digest::with_word)
     }
 
     /// Metres to the centre of the nearest occupied cell, from the centre of the point's cell. Infinite outside of the map and

@@ -56,11 +56,12 @@ pub struct Patrol {
 }
 
 impl Patrol {
-    /// A patrol that begins at `now`, or goes on from a checkpoint. One of another map is ignored.
+    /// A patrol that begins at `now`, or goes on from a checkpoint. One of another map or camera is ignored.
     #[must_use]
     pub fn new(config: Config, seed: u64, now: Timestamp, checkpoint: Option<&Checkpoint>) -> Self {
         let targets = config.places.targets().len();
-        let checkpoint = checkpoint.filter(|it| it.seen.is_of(targets));
+        let checkpoint = checkpoint
+            .filter(|it| it.targets == config.places.identity() && it.seen.is_of(targets));
         let seen = checkpoint.map_or_else(|| Seen::none(targets), |it| it.seen.clone());
         let unheard = checkpoint.map_or(Duration::ZERO, |it| it.unheard);
         Self {
@@ -163,6 +164,7 @@ impl Patrol {
             covariance: self.place.covariance().into(),
             is_lost: self.place.is_lost(),
             seen: self.seen.clone(),
+            targets: self.config.places.identity(),
             has_ended: self.has_ended,
             unheard: now.since(self.heard),
             lost: self.place.lost(),

@@ -329,6 +329,49 @@ fn restarts_put_no_landing_off() {
     assert!(lost.steps < 15, "{}", lost.steps);
 }
 
+/// As many words of targets, or as many targets, were enough to take one for the own.
+#[test]
+fn a_checkpoint_of_another_map_or_camera_is_ignored() {
+    let start = MapPose::new(1.0, 1.5, 0.0);
+    let own = config();
+    let mut bench = Bench::new(&own);
+    for _ in 0..100 {
+        bench.step(|_, echo| Some(echo));
+    }
+    let checkpoint = bench.last_checkpoint();
+    assert!(!checkpoint.seen.is_empty());
+    let drawn = |(column, row): (usize, usize), drawn: char| {
+        let map = own.floor.map();
+        let line = |at: usize| -> String {
+            let cells = (0..map.columns()).map(|it| {
+                let is_wall = it == 0 || it == 79 || at == 0 || at == 59;
+                match (it, at) == (column, row) {
+                    true => drawn,
+                    false if is_wall => '#',
+                    false => '.',
+                }
+            });
+            cells.collect()
+        };
+        let lines: Vec<String> = (0..map.rows()).rev().map(line).collect();
+        Arc::new(Map::from_text(&lines.join("\n"), 0.05).unwrap())
+    };
+    let goes_on = |config: Config| {
+        let restarted = Patrol::new(config, 2, Timestamp::ZERO + PERIOD * 100, Some(&checkpoint));
+        !restarted.seen.is_empty()
+    };
+    assert!(goes_on(own.clone()));
+    assert!(goes_on(config_of(&drawn((40, 0), '#'), start, 1.0)));
+    // None of these cells is the centre of a target.
+    for (cell, drawn_as) in [((40, 20), '#'), ((40, 20), 'x'), ((40, 20), '?')] {
+        let other = config_of(&drawn(cell, drawn_as), start, 1.0);
+        assert_eq!(other.places.targets().len(), own.places.targets().len());
+        assert!(!goes_on(other), "{drawn_as}");
+    }
+    assert!(!goes_on(room((80, 60), start, 1.1)));
+    assert!(!goes_on(room((60, 80), start, 1.0)));
+}
+
 #[test]
 fn readings_that_wait_are_bounded() {
     let mut bench = Bench::new(&config());

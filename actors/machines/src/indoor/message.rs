@@ -70,12 +70,23 @@ pub struct Checkpoint {
     pub is_lost: bool,
     /// What was seen.
     pub seen: Seen,
+    /// The targets that it is a set of.
+    pub targets: Targets,
     /// Whether the patrol has ended; a drone that has landed stays where it is.
     pub has_ended: bool,
     /// For how long no sonar has led the drone.
     pub unheard: Duration,
     /// For how long the pose has been lost.
     pub lost: Duration,
+}
+
+/// Of what map and camera targets are: numbers of other targets mean other places.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Targets {
+    /// Number of targets.
+    pub number: usize,
+    /// Digest of the map's cells and zones, of where they lie, and of the camera's view.
+    pub digest: u64,
 }
 
 /// What remains to be seen.

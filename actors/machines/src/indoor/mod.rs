@@ -9,7 +9,9 @@ mod seen;
 
 use std::fmt;
 
-pub use message::{Checkpoint, Event, Fault, Input, Remaining, SonarChange, Transmit, Velocity};
+pub use message::{
+    Checkpoint, Event, Fault, Input, Remaining, SonarChange, Targets, Transmit, Velocity,
+};
 pub use seen::Seen;
 
 use crate::machine::Machine;
