@@ -1,5 +1,6 @@
 //! Where the drone is: by odometry, and on the map.
 
+use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -23,6 +24,9 @@ const FOUND_STEPS: u32 = 20;
 const SEARCH_STEPS: u32 = 100;
 /// Steps after which a lost pose is given up.
 const LOST_FOR_GOOD_STEPS: u32 = 600;
+/// Largest motion of one input that is believed: of 20 s at the highest speed, or of two turns. An input comes 20 times a second.
+const MOVED_MAX_M: f64 = 10.0;
+const TURNED_MAX_RAD: f64 = 2.0 * TAU;
 
 /// Parameters of the filter for a drone with five sonars of 8 Hz each and an optical flow's odometry.
 #[must_use]
@@ -117,17 +121,16 @@ impl Place {
         }
     }
 
-    /// Adds a motion to the odometry. One that is no number would spoil the pose for good; it is ignored.
+    /// Adds a motion to the odometry. One that is no number, or beyond what a drone can do between two inputs, would spoil the
+    /// pose for good; it is ignored.
     pub(super) fn moved(&mut self, motion: Motion) {
         let Motion {
             forward_m,
             left_m,
             turn_rad,
         } = motion;
-        if [forward_m, left_m, turn_rad]
-            .iter()
-            .all(|it| it.is_finite())
-        {
+        // A comparison with no number is false.
+        if libm::hypot(forward_m, left_m) <= MOVED_MAX_M && turn_rad.abs() <= TURNED_MAX_RAD {
             self.odometry = self.odometry.moved(motion);
         }
     }
@@ -192,5 +195,31 @@ impl Place {
     /// Whether the pose has been lost for so long that it will hardly be found.
     pub(super) const fn is_lost_for_good(&self) -> bool {
         self.lost_steps >= LOST_FOR_GOOD_STEPS
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::patrol::tests::config;
+
+    #[test]
+    fn motions_that_no_drone_makes_change_no_pose() {
+        let mut place = Place::new(&config(), 1, Timestamp::ZERO, None);
+        let motion = |forward_m, left_m, turn_rad| Motion {
+            forward_m,
+            left_m,
+            turn_rad,
+        };
+        place.moved(motion(0.1, 0.0, 0.1));
+        let before = place.odometry();
+        for absurd in [1e18, -1e18, 100.0, f64::MAX, f64::INFINITY, f64::NAN] {
+            place.moved(motion(absurd, 0.0, 0.0));
+            place.moved(motion(0.0, absurd, 0.0));
+            place.moved(motion(0.0, 0.0, absurd));
+        }
+        assert_eq!(place.odometry(), before);
+        place.step(Timestamp::ZERO, &[]);
+        assert!(place.pose().at.distance_m(config().start.at) < 0.2);
     }
 }
