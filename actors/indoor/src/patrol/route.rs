@@ -323,6 +323,9 @@ impl Route {
         if astray_m > ASTRAY_M {
             return self.search(now, config, pose);
         }
+        // Beside the end of the path none of it is left.
+        let end_m = path.last().map_or(0.0, |end| end.distance_m(pose.at));
+        let left_m = left_m.max(end_m);
         if left_m < self.nearest.0 - PROGRESS_M {
             self.nearest = (left_m, now);
         } else if now.since(self.nearest.1) > BLOCKED_AFTER {
@@ -455,6 +458,30 @@ fn point_at(path: &[MapXy], (leg, along_m): (usize, f64), ahead_m: f64) -> MapXy
 mod tests {
     use super::*;
     use crate::patrol::tests::config;
+
+    #[test]
+    fn drone_beside_the_end_of_its_path_flies_there() {
+        let config = config();
+        let mut route = Route::new(&config);
+        let end = MapXy::new(2.0, 1.5);
+        route.stops = VecDeque::from([Stop {
+            at: end,
+            turn: 0,
+            tries: 0,
+        }]);
+        let seen = Seen::none(config.places.targets().len());
+        for beside in [
+            MapXy::new(2.0, 1.8),
+            MapXy::new(2.0, 2.2),
+            MapXy::new(2.5, 1.5),
+        ] {
+            route.phase = Phase::Flying(vec![MapXy::new(1.0, 1.5), end]);
+            let pose = MapPose::new(beside.x_m, beside.y_m, 0.0);
+            let order = route.fly(Timestamp::ZERO, &config, pose, &seen);
+            let left_m = beside.distance_m(end);
+            assert_eq!(order, Order::Fly { to: end, left_m }, "{beside:?}");
+        }
+    }
 
     #[test]
     fn way_back_has_no_loops() {
