@@ -132,19 +132,16 @@ impl Floor {
 
 /// The cells of which the centre is within a distance of a point, row by row.
 fn cells_within(map: &Map, point: MapXy, within_m: f64) -> impl Iterator<Item = Cell> + '_ {
-    let reach = (within_m / map.resolution_m()).ceil() as i64 + 1;
-    let origin = map.origin();
-    let seen = origin.sight(point);
-    let column = (seen.x_m / map.resolution_m()).floor() as i64;
-    let row = (seen.y_m / map.resolution_m()).floor() as i64;
-    let rows = (row - reach..=row + reach).filter_map(|it| usize::try_from(it).ok());
-    rows.flat_map(move |row| {
-        let columns = column - reach..=column + reach;
-        columns.filter_map(move |column| {
-            let column = usize::try_from(column).ok()?;
-            let cell = Cell { column, row };
-            let inside = map.index(cell).is_some();
-            (inside && map.centre(cell).distance_m(point) <= within_m).then_some(cell)
-        })
+    let seen = map.origin().sight(point);
+    let reach = (within_m / map.resolution_m()).ceil() + 1.0;
+    // Casts of numbers below 0 give 0.
+    let near = |at_m: f64, cells: usize| {
+        let own = (at_m / map.resolution_m()).floor();
+        (own - reach) as usize..((own + reach + 1.0) as usize).min(cells)
+    };
+    let columns = near(seen.x_m, map.columns());
+    near(seen.y_m, map.rows()).flat_map(move |row| {
+        let cells = columns.clone().map(move |column| Cell { column, row });
+        cells.filter(move |cell| map.centre(*cell).distance_m(point) <= within_m)
     })
 }

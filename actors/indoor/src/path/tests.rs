@@ -123,3 +123,22 @@ fn path_begins_and_ends_at_the_given_places() {
     assert_eq!(floor.path(from, beside), Some(vec![from, beside]));
     assert_eq!(floor.path(from, from), Some(vec![from]));
 }
+
+/// It went through a square of as many rows as there are columns: for hours.
+#[test]
+fn nearest_free_cell_of_a_long_thin_map_is_found_at_once() {
+    let columns = 1_000_000;
+    let map = Arc::new(Map::from_text(&".".repeat(columns), 0.05).unwrap());
+    let floor = Floor::new(map, 0.01);
+    let (sender, receiver) = std::sync::mpsc::channel();
+    std::thread::spawn(move || {
+        let middle = floor.nearest_free(MapXy::new(25_000.0, 0.02), 50_001.0);
+        let beside = floor.nearest_free(MapXy::new(-10.0, 9.0), f64::INFINITY);
+        let beyond = floor.nearest_free(MapXy::new(-10.0, 0.0), 9.0);
+        sender.send([middle, beside, beyond]).unwrap();
+    });
+    let found = receiver.recv_timeout(std::time::Duration::from_secs(20));
+    let [middle, beside, beyond] = found.expect("at once");
+    assert!(middle.unwrap().column.abs_diff(columns / 2) <= 1);
+    assert_eq!((beside.unwrap().column, beyond), (0, None));
+}
