@@ -5,6 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::channel;
 
 use comfy_table::{CellAlignment, Table};
+use muster_indoor::patrol::EarlyLanding;
 use muster_runtime::text::{figure, plural, rounded_down, rounded_up};
 use muster_scenarios::campaign::Seeds;
 use muster_scenarios::report::TABLE_STYLE;
@@ -38,8 +39,8 @@ pub struct Row {
     pub clearance_m: f64,
     /// Touches that the drone caused, and that people caused.
     pub touches: [usize; 2],
-    /// Whether the drone landed early, since no sonar worked.
-    pub has_landed: bool,
+    /// Why the drone landed early, if it did.
+    pub landed: Option<EarlyLanding>,
     /// Stops that were given up.
     pub given_up: usize,
     /// Error of the believed position that 95 % of the steps stay below, in metres.
@@ -62,7 +63,7 @@ impl Row {
             seen: outcome.seen(),
             clearance_m: outcome.clearance.least_m(),
             touches: [faults, touches.len() - faults],
-            has_landed: outcome.has_landed,
+            landed: outcome.landed,
             given_up: outcome.given_up.len(),
             error_p95_m: outcome.track.error_m(0.95),
             blind_motions: outcome.blind_motions,
@@ -72,9 +73,9 @@ impl Row {
     /// How it ended, in a word or two.
     #[must_use]
     pub const fn end(&self) -> &'static str {
-        match (self.is_done, self.has_landed) {
-            (true, true) => "landed",
-            (true, false) => "ended",
+        match (self.is_done, self.landed) {
+            (true, Some(_)) => "landed",
+            (true, None) => "ended",
             (false, _) => "not ended",
         }
     }
@@ -108,8 +109,14 @@ impl Row {
         if !self.is_done {
             reasons.push("did not end".to_owned());
         }
-        if self.has_landed {
-            reasons.push("landed early, as no sonar worked".to_owned());
+        match self.landed {
+            Some(EarlyLanding::NoSonar) => {
+                reasons.push("landed early, as no sonar worked".to_owned());
+            }
+            Some(EarlyLanding::PoseLost) => {
+                reasons.push("landed early, as its pose was lost".to_owned());
+            }
+            None => {}
         }
         if self.seen < SEEN_MIN {
             reasons.push(format!("saw {} %", rounded_down(100.0 * self.seen, 2)));
@@ -123,10 +130,11 @@ impl Row {
         reasons
     }
 
-    /// Whether it ended, saw enough, and took no longer than it may.
+    /// Whether it ended where it was to, saw enough, and took no longer than it may.
     #[must_use]
     pub fn is_complete(&self) -> bool {
-        self.is_done && self.seen >= SEEN_MIN && self.times <= TIMES_MAX
+        let has_ended = self.is_done && self.landed.is_none();
+        has_ended && self.seen >= SEEN_MIN && self.times <= TIMES_MAX
     }
 }
 
@@ -315,7 +323,7 @@ mod tests {
             seen: 1.0,
             clearance_m: 0.2,
             touches: [0, 0],
-            has_landed: false,
+            landed: None,
             given_up: 0,
             error_p95_m: 0.05,
             blind_motions: 0,
@@ -351,7 +359,14 @@ mod tests {
             lost.reasons(),
             ["moved once where no sonar looks", "did not end"]
         );
-        for row in [seen, touching, lost] {
+        let landed = |cause| Row {
+            landed: Some(cause),
+            ..row(5)
+        };
+        let [silent, astray] = [EarlyLanding::NoSonar, EarlyLanding::PoseLost].map(landed);
+        assert_eq!(silent.reasons(), ["landed early, as no sonar worked"]);
+        assert_eq!(astray.reasons(), ["landed early, as its pose was lost"]);
+        for row in [seen, touching, lost, silent, astray] {
             assert!(row.broke_rule() || !row.is_complete());
         }
     }

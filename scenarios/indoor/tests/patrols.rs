@@ -21,7 +21,7 @@ fn prepared(name: &str) -> Prepared {
 }
 
 fn check_safe(outcome: &Outcome, what: &str) {
-    assert!(outcome.is_done && !outcome.has_landed, "{what}");
+    assert!(outcome.is_done && outcome.landed.is_none(), "{what}");
     let clearance = &outcome.clearance;
     assert!(
         !clearance.is_at_fault(),

@@ -23,7 +23,7 @@ use muster_machines::time::Timestamp;
 
 pub use self::config::{Config, PERIOD, THESIS_SONARS, thesis_sonars};
 pub use muster_machines::indoor::{
-    Checkpoint, Event, Fault, Input, Remaining, SonarChange, Transmit, Velocity,
+    Checkpoint, EarlyLanding, Event, Fault, Input, Remaining, SonarChange, Transmit, Velocity,
 };
 
 use self::flight::Flight;
@@ -144,10 +144,16 @@ impl Patrol {
         if self.sonars.leading_rad(now).is_some() {
             self.heard = now;
         }
-        let is_helpless = now.since(self.heard) >= LANDS_AFTER || self.place.is_lost_for_good();
-        if is_helpless && !self.has_ended {
+        let cause = if now.since(self.heard) >= LANDS_AFTER {
+            EarlyLanding::NoSonar
+        } else if self.place.is_lost_for_good() {
+            EarlyLanding::PoseLost
+        } else {
+            return;
+        };
+        if !self.has_ended {
             self.has_ended = true;
-            self.event(Event::Landing);
+            self.event(Event::Landing(cause));
         }
     }
 

@@ -142,6 +142,13 @@ impl Bench {
         self.velocity = Velocity::default();
     }
 
+    fn landing(&self) -> Option<EarlyLanding> {
+        self.events.iter().find_map(|event| match event {
+            Event::Landing(cause) => Some(*cause),
+            _ => None,
+        })
+    }
+
     fn is_done(&self) -> bool {
         self.events
             .iter()
@@ -260,7 +267,8 @@ fn silence_alone_is_no_open_space_and_a_drone_without_echoes_lands() {
         bench.step(|_, echo| Some(echo));
         assert!(bench.velocity.speed_mps() < 1e-9);
     }
-    assert!(bench.is_done() && bench.events.contains(&Event::Landing));
+    assert!(bench.is_done());
+    assert_eq!(bench.landing(), Some(EarlyLanding::NoSonar));
     assert!(bench.steps >= 100, "{}", bench.steps);
 }
 
@@ -288,7 +296,7 @@ fn a_patrol_that_has_ended_stays_ended_after_a_restart() {
         while !bench.is_done() && bench.steps < 3_000 {
             bench.step(|_, echo| (!lands).then_some(echo));
         }
-        assert_eq!(bench.events.contains(&Event::Landing), lands);
+        assert_eq!(bench.landing().is_some(), lands);
         bench.restart(&config);
         bench.events.clear();
         for _ in 0..200 {
@@ -315,6 +323,7 @@ fn restarts_put_no_landing_off() {
         }
     }
     assert!((100..=102).contains(&unheard.steps), "{}", unheard.steps);
+    assert_eq!(unheard.landing(), Some(EarlyLanding::NoSonar));
     let mut lost = Bench::new(&config);
     lost.step(|_, echo| Some(echo));
     let checkpoint = Checkpoint {
@@ -327,6 +336,7 @@ fn restarts_put_no_landing_off() {
         lost.step(|_, _| None);
     }
     assert!(lost.steps < 15, "{}", lost.steps);
+    assert_eq!(lost.landing(), Some(EarlyLanding::PoseLost));
 }
 
 /// As many words of targets, or as many targets, were enough to take one for the own.

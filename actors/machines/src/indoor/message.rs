@@ -53,8 +53,17 @@ pub enum Event {
     Sonar(SonarChange),
     /// A stop can't be reached.
     GivenUp(MapXy),
-    /// No sonar works any more: the drone ends the patrol and lands where it is.
-    Landing,
+    /// The drone ends the patrol early and lands where it is.
+    Landing(EarlyLanding),
+}
+
+/// Why a drone can't go on with its patrol.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EarlyLanding {
+    /// No sonar works any more.
+    NoSonar,
+    /// It lost its pose, and did not find it again.
+    PoseLost,
 }
 
 /// From where a restarted machine goes on. It has no particles: they are drawn again around the pose.

@@ -10,7 +10,8 @@ mod seen;
 use std::fmt;
 
 pub use message::{
-    Checkpoint, Event, Fault, Input, Remaining, SonarChange, Targets, Transmit, Velocity,
+    Checkpoint, EarlyLanding, Event, Fault, Input, Remaining, SonarChange, Targets, Transmit,
+    Velocity,
 };
 pub use seen::Seen;
 

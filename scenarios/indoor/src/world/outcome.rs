@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use muster_indoor::coverage::Places;
 use muster_indoor::frames::{MapPose, MapXy, wrapped_rad};
-use muster_indoor::patrol::{Config, Event, SonarChange, Velocity};
+use muster_indoor::patrol::{Config, EarlyLanding, Event, SonarChange, Velocity};
 use muster_indoor::reading::Mounting;
 use muster_machines::time::Timestamp;
 
@@ -165,8 +165,8 @@ pub struct Outcome {
     pub unseen_targets: Vec<usize>,
     /// How far the drone stayed from walls and people.
     pub clearance: Clearance,
-    /// Whether it ended the patrol early and landed, since no sonar worked.
-    pub has_landed: bool,
+    /// Why it ended the patrol early and landed, if it did.
+    pub landed: Option<EarlyLanding>,
     /// Stops that were given up.
     pub given_up: Vec<MapXy>,
     /// Sonars that were found to fail or to work again.
@@ -188,7 +188,7 @@ impl Outcome {
             unseen: visible,
             unseen_targets: Vec::new(),
             clearance: Clearance::unmeasured(),
-            has_landed: false,
+            landed: None,
             given_up: Vec::new(),
             sonars: Vec::new(),
             blind_motions: 0,
@@ -213,7 +213,7 @@ impl Outcome {
             Event::Remaining(remaining) => self.is_done |= remaining.is_done,
             Event::Sonar(change) => self.sonars.push((now, change)),
             Event::GivenUp(stop) => self.given_up.push(stop),
-            Event::Landing => self.has_landed = true,
+            Event::Landing(cause) => self.landed = Some(cause),
         }
     }
 
