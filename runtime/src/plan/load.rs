@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_machines::formation::{Change, FlightPlan, Layout, Separation};
+use muster_machines::formation::{Change, Exposure, FlightPlan, Layout, Separation};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Barrier, Holds};
@@ -126,6 +126,9 @@ pub fn build_plan(
         gains: gains(source, raw)?,
         alone: raw.failsafe.alone.into(),
         limits,
+        accepted: (Exposure::ALL.into_iter())
+            .filter(|it| raw.limits.accepts(*it))
+            .collect(),
         fence,
     }))
 }

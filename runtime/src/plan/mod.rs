@@ -20,7 +20,7 @@ use std::ops::Deref;
 use std::sync::{Arc, LazyLock};
 use std::time::Duration;
 
-use muster_machines::formation::{Change, Layout, Separation};
+use muster_machines::formation::{Change, Exposure, Layout, Separation};
 use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
@@ -117,6 +117,8 @@ pub struct PlanParts {
     pub alone: Alone,
     /// Limits of the flight.
     pub limits: Limits,
+    /// Exposures that `limits.accept` lists.
+    pub accepted: Vec<Exposure>,
     /// Description of the fence and of the closest approach to it. Empty without a fence.
     pub fence: Vec<String>,
     /// What the swarm does not do of what the mission file asks for.

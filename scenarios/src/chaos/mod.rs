@@ -15,5 +15,5 @@ mod table;
 pub use coverage::{Coverage, Row};
 pub use run::{Finding, Progress, RUN_LIMIT, SearchResult, run};
 pub use search::{Request, Search};
-pub use state::{BrokenPlan, CHAOS_JSON};
+pub use state::{AcceptedPlan, BrokenPlan, CHAOS_JSON};
 pub use table::{explanation, table};

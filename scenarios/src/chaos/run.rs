@@ -1,17 +1,20 @@
 //! Running a search: worker threads take plans in the order of their seeds, and one thread adds up the results.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
+use muster_machines::formation::Exposure;
+
 use super::coverage::Coverage;
 use super::search::{DrawnPlan, Plan, Search};
 use super::shrink::shrink;
-use super::state::{self, BrokenPlan, Tally};
+use super::state::{self, AcceptedPlan, BrokenPlan, Tally};
 use crate::campaign::{CampaignError, RunOptions};
+use crate::checkers;
 use crate::engine;
 use crate::report::{self, CompleteFile, Engine, Report, Violation, create_folder, is_completed};
 use crate::scenario::{self, Scenario};
@@ -56,6 +59,8 @@ pub struct SearchResult {
     pub plans: u64,
     /// Plans of them that broke a rule, if the search kept going.
     pub broken: Vec<BrokenPlan>,
+    /// Plans of them in which drones came too close in an exposure that `limits.accept` lists.
+    pub accepted: Vec<AcceptedPlan>,
     /// Plans of them in which the remaining drones completed the mission.
     pub completed: u64,
     /// Number of redraws because the values of a plan were incompatible.
@@ -138,6 +143,7 @@ pub fn run(
     Ok(SearchResult {
         plans: tally.plans,
         broken: tally.broken,
+        accepted: tally.accepted,
         completed: tally.completed,
         redrawn: tally.redrawn,
         combinations: search.combinations(),
@@ -254,16 +260,24 @@ fn fly_chunk(
         } = search.draw(search.seeds().at(place))?;
         let outcome = engine::fly_within(run_limit, &scenario, Engine::Events)?;
         if let Some(violation) = outcome.violations.first() {
+            let exposures = accepted_exposures(&scenario, violation);
             let violation = Violation::from(violation);
-            if !search.keeps_going() {
+            if !exposures.is_empty() {
+                tally.accepted.push(AcceptedPlan {
+                    seed: plan.seed,
+                    exposures: exposures.iter().map(|it| it.name().to_owned()).collect(),
+                    what: violation.what,
+                });
+            } else if search.keeps_going() {
+                tally.broken.push(BrokenPlan {
+                    seed: plan.seed,
+                    rule: violation.rule,
+                    what: violation.what,
+                });
+            } else {
                 breaking = Some(BreakingPlan { plan, violation });
                 break;
             }
-            tally.broken.push(BrokenPlan {
-                seed: plan.seed,
-                rule: violation.rule,
-                what: violation.what,
-            });
         }
         let simulated_s = outcome.ended.as_secs_f64();
         tally.plans += 1;
@@ -279,6 +293,14 @@ fn fly_chunk(
     Ok((tally, breaking))
 }
 
+/// The exposures listed in `limits.accept` of two drones that came too close, if that is the violation.
+fn accepted_exposures(scenario: &Scenario, violation: &checkers::Violation) -> BTreeSet<Exposure> {
+    match violation.drones[..] {
+        [one, other] if violation.rule == 4 => scenario.accepted_exposures([one, other]),
+        _ => BTreeSet::new(),
+    }
+}
+
 /// Shrinks a plan that breaks a rule, and writes it as a scenario with its report.
 fn find(
     search: &Search,
@@ -290,7 +312,9 @@ fn find(
     let breaks = |scenario: &Scenario| {
         let outcome = engine::fly_within(run_limit, scenario, Engine::Events)?;
         let first = outcome.violations.first();
-        Ok(first.is_some_and(|it| it.rule == violation.rule))
+        Ok(first.is_some_and(|it| {
+            it.rule == violation.rule && accepted_exposures(scenario, it).is_empty()
+        }))
     };
     let (small, tried) = shrink(search, plan, breaks, watcher)?;
     let mission = search.mission(&small)?;
@@ -425,6 +449,49 @@ mod tests {
             (9, searched.broken),
             "the search resumed"
         );
+    }
+
+    #[test]
+    fn drones_too_close_in_an_accepted_exposure_do_not_end_a_search() {
+        // A drone is landed by its flight controller in take-off, onto another.
+        let searched = |accept: &str, keeps_going| {
+            let scenario = Path::new(env!("CARGO_MANIFEST_DIR")).join("chaos.toml");
+            let search = Search::load(&Request {
+                scenario,
+                set: vec![accept.parse().unwrap()],
+                seeds: "323520..323521".parse().unwrap(),
+                keeps_going,
+            });
+            let folder = tempfile::tempdir().unwrap();
+            run(
+                &search.unwrap(),
+                folder.path(),
+                options(1),
+                &|fly| fly(),
+                |_| (),
+            )
+            .unwrap()
+        };
+        let accepting = searched(
+            r#"limits.accept=["late", "apart", "descends", "killed"]"#,
+            false,
+        );
+        assert!(accepting.finding.is_none() && accepting.broken.is_empty());
+        let [plan] = &accepting.accepted[..] else {
+            panic!("{:?}", accepting.accepted);
+        };
+        assert_eq!(plan.seed, 323_520);
+        assert!(plan.exposures.contains(&"killed".to_owned()), "{plan:?}");
+        let text = super::super::table(&accepting, crate::report::Colour::Never);
+        assert!(
+            text.starts_with("OK: 1 plan, no rule broken outside of accepted exposures;")
+                && text.contains("seed 323520: drones 10 and 13"),
+            "{text}"
+        );
+        // Otherwise they break rule 4.
+        let refusing = searched("limits.altitude_max_m=80", true);
+        assert_eq!(refusing.accepted, []);
+        assert_eq!(refusing.broken[0].rule, 4);
     }
 
     #[test]

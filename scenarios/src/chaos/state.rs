@@ -23,6 +23,9 @@ pub(super) struct Tally {
     /// Plans of them that broke a rule.
     #[serde(default)]
     pub(super) broken: Vec<BrokenPlan>,
+    /// Plans of them in which drones came too close in an accepted exposure.
+    #[serde(default)]
+    pub(super) accepted: Vec<AcceptedPlan>,
     /// Plans of them in which the remaining drones completed the mission.
     pub(super) completed: u64,
     /// Number of redraws because values were incompatible.
@@ -38,6 +41,7 @@ impl Tally {
     pub(super) fn add(&mut self, other: &Self) {
         self.plans += other.plans;
         self.broken.extend_from_slice(&other.broken);
+        self.accepted.extend_from_slice(&other.accepted);
         self.completed += other.completed;
         self.redrawn += other.redrawn;
         self.simulated_s += other.simulated_s;
@@ -56,6 +60,18 @@ pub struct BrokenPlan {
     /// First broken rule.
     pub rule: u8,
     /// Description of the violation.
+    pub what: String,
+}
+
+/// A plan in which two drones came too close in an exposure that `limits.accept` lists.
+#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct AcceptedPlan {
+    /// Seed of the plan.
+    pub seed: u64,
+    /// Names of the exposures.
+    pub exposures: Vec<String>,
+    /// Description of what would violate rule 4 without it.
     pub what: String,
 }
 

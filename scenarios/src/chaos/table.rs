@@ -4,22 +4,35 @@ use comfy_table::{Attribute, Cell, CellAlignment, Table};
 
 use super::coverage::Row;
 use super::run::{Finding, SearchResult};
-use super::state::BrokenPlan;
+use super::state::{AcceptedPlan, BrokenPlan};
 use crate::report::Colour;
 use crate::report::figures::{count, program};
 use crate::report::table::{GREEN, RED, STYLE, painted};
 use muster_runtime::text::{drones, figure, plural};
 
-/// The verdict of a search as text, with a final line feed: whether a plan broke a rule, and which.
+/// The verdict of a search as text, with a final line feed: whether a plan broke a rule, and which; then in which plans drones
+/// came too close in an accepted exposure.
 #[must_use]
 pub fn table(searched: &SearchResult, colour: Colour) -> String {
+    format!(
+        "{}{}",
+        verdict(searched, colour),
+        accepted(&searched.accepted)
+    )
+}
+
+fn verdict(searched: &SearchResult, colour: Colour) -> String {
     let SearchResult {
         plans, completed, ..
     } = *searched;
     match &searched.finding {
         Some(finding) => found(finding, colour),
         None if searched.broken.is_empty() => {
-            let ok = format!("OK: {}, no rule broken", number(plans, "plan"));
+            let outside = match searched.accepted.is_empty() {
+                true => "",
+                false => " outside of accepted exposures",
+            };
+            let ok = format!("OK: {}, no rule broken{outside}", number(plans, "plan"));
             format!(
                 "{}; mission completed in {completed}\n",
                 painted(&ok, GREEN, colour)
@@ -49,7 +62,7 @@ pub fn explanation(searched: &SearchResult, colour: Colour) -> String {
         "{}\n plans  {} without a violation; mission completed in {completed}\n values {}; {} of incompatible values\n time   {hours} simulated hours in {} core-seconds: {} plans and {} drone-seconds per \
          core-second\n",
         coverage(searched, colour),
-        plans - searched.broken.len() as u64,
+        plans - (searched.broken.len() + searched.accepted.len()) as u64,
         number(combinations, "combination"),
         number(redrawn, "redraw"),
         figure(core_s, 0),
@@ -70,11 +83,37 @@ fn listed(searched: &SearchResult, colour: Colour) -> String {
     let plans = number(searched.plans, "plan");
     let verdict = format!("BROKEN: a rule, by {} of {plans}", broken.len());
     let mut text = format!("{}\n", painted(&verdict, RED, colour));
-    for BrokenPlan { seed, rule, what } in broken.iter().take(LISTED_MAX) {
-        text.push_str(&format!("  seed {seed}: rule {rule}, {what}\n"));
+    let lines = (broken.iter())
+        .map(|BrokenPlan { seed, rule, what }| format!("  seed {seed}: rule {rule}, {what}\n"));
+    text.push_str(&first_lines(lines));
+    text
+}
+
+fn accepted(plans: &[AcceptedPlan]) -> String {
+    if plans.is_empty() {
+        return String::new();
     }
-    if let Some(more @ 1..) = broken.len().checked_sub(LISTED_MAX) {
-        text.push_str(&format!("  and {more} more\n"));
+    let lines = plans.iter().map(|plan| {
+        let AcceptedPlan {
+            seed,
+            exposures,
+            what,
+        } = plan;
+        format!("  seed {seed}: {what} ({})\n", exposures.join(", "))
+    });
+    format!(
+        "too close in an exposure that `limits.accept` lists, in {}:\n{}",
+        plural(plans.len(), "plan"),
+        first_lines(lines)
+    )
+}
+
+/// The first lines, and how many are left out.
+fn first_lines(lines: impl ExactSizeIterator<Item = String>) -> String {
+    let left_out = lines.len().saturating_sub(LISTED_MAX);
+    let mut text: String = lines.take(LISTED_MAX).collect();
+    if left_out > 0 {
+        text.push_str(&format!("  and {left_out} more\n"));
     }
     text
 }

@@ -114,6 +114,22 @@ impl Scenario {
         }
     }
 
+    /// The exposures listed in `limits.accept` that may bring these two drones too close to each other.
+    pub(crate) fn accepted_exposures(&self, drones: [NodeId; 2]) -> BTreeSet<Exposure> {
+        let accepted = &self.plan.accepted;
+        if accepted.is_empty() {
+            return BTreeSet::new();
+        }
+        let [one, other] = drones;
+        let found = self.flown().exposures().flatten();
+        let found = found.filter(|(exposure, nearness)| {
+            let conflicts = &nearness.conflicts;
+            accepted.contains(exposure)
+                && (conflicts.contains(&[one, other]) || conflicts.contains(&[other, one]))
+        });
+        found.map(|(exposure, _)| exposure).collect()
+    }
+
     /// Describes the separation of drones: a summary, the exposures, then a table by phase. `out_of_reach` returns the number
     /// of drones out of the master's reach in a phase, if known.
     pub(super) fn describe_separation(

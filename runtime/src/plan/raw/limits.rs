@@ -61,7 +61,7 @@ pub struct Limits {
     #[serde(default)]
     pub restart_window_s: Or<Seconds, 30>,
     /// Accepted exposures: what a single fault may bring too near other drones. A plan exposed to anything else is refused,
-    /// except to `late` if `safety.avoid` is on.
+    /// except to `late` if `safety.avoid` is on. `muster chaos` goes on where two drones that are so exposed come too close.
     #[schemars(extend("x-default" = "all; exposures are printed, not refused"))]
     pub accept: Option<Located<Vec<ExposureName>>>,
 }
