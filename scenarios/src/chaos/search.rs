@@ -37,6 +37,8 @@ pub struct Search {
     chaos: Chaos,
     /// Number of the scenario's own faults; every plan has them.
     own_faults: usize,
+    /// The most redraws per plan.
+    redraws_max: u64,
     /// BLAKE3 of the parsed scenarios.
     pub(super) content: String,
 }
@@ -101,6 +103,7 @@ impl Search {
             text: scenario::read(&file)?,
             path: file,
             own_faults: base.faults.len(),
+            redraws_max: REDRAWS_MAX,
             chaos,
             content: String::new(),
         };
@@ -149,7 +152,7 @@ impl Search {
             let values: Vec<_> = values.collect();
             match self.varied(seed, &values) {
                 Ok(scenario) => break (values, scenario),
-                Err(error) if redrawn == REDRAWS_MAX => return Err(error),
+                Err(error) if redrawn == self.redraws_max => return Err(error),
                 Err(_) => redrawn += 1,
             }
         };
@@ -285,6 +288,7 @@ mod tests {
         // The limit is set after loading, so that loading succeeds.
         let mut search = search(&["protocol.policy=tree", "protocol.kind=muscop"]);
         search.request.set = vec!["limits.altitude_max_m=1".parse().unwrap()];
+        search.redraws_max = 20;
         let error = search.draw(1).unwrap_err().to_string();
         assert!(error.contains("limit of 1 m"), "{error}");
     }
