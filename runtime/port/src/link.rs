@@ -216,12 +216,8 @@ fn write_on_time(shared: &Shared) {
         if let Some((wire, write)) = write {
             bytes.clear();
             write.encode(&mut bytes);
-            let written = wire.write(&bytes);
-            let mut inbox = shared.inbox();
-            match written {
-                Ok(()) => inbox.written(shared.now(), &write),
-                Err(error) => inbox.close(&error),
-            }
+            let result = wire.write(&bytes);
+            shared.inbox().written(shared.now(), &wire, &write, result);
         }
         due += TICK;
         let now = Instant::now();

@@ -108,9 +108,20 @@ impl Inbox {
         Some((wire, write))
     }
 
-    pub(super) fn written(&mut self, now: Duration, write: &Write) {
-        if let Write::Rc(_) = write {
-            self.rc.written(now);
+    /// A write has ended. It says nothing of a port that was opened while it waited.
+    pub(super) fn written(
+        &mut self,
+        now: Duration,
+        wire: &Arc<Wire>,
+        write: &Write,
+        result: io::Result<()>,
+    ) {
+        let is_open = (self.wire.as_ref()).is_some_and(|open| Arc::ptr_eq(open, wire));
+        match (result, write) {
+            _ if !is_open => {}
+            (Ok(()), Write::Rc(_)) => self.rc.written(now),
+            (Ok(()), _) => {}
+            (Err(error), _) => self.close(&error),
         }
     }
 
@@ -221,5 +232,33 @@ impl Inbox {
         };
         self.rc.enter(now, &mut status);
         status
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::net::TcpListener;
+
+    use super::*;
+    use crate::address::Address;
+
+    #[test]
+    fn write_that_fails_late_leaves_the_port_open_that_was_opened_since() {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let host = listener.local_addr().unwrap().to_string();
+        let address = Address::Tcp { host };
+        let open = || Arc::new(Wire::open(&address, SILENT).unwrap());
+        let (first, second) = (open(), open());
+        let mut inbox = Inbox::default();
+        let now = Duration::from_secs(1);
+        inbox.open(now, first, None, false);
+        let (first, write) = inbox.tick(now).expect("an open port is asked who it is");
+        let failed = || Err(io::ErrorKind::TimedOut.into());
+        inbox.close(&io::ErrorKind::UnexpectedEof.into());
+        inbox.open(now, second.clone(), None, false);
+        inbox.written(now, &first, &write, failed());
+        assert!(inbox.wire.is_some());
+        inbox.written(now, &second, &write, failed());
+        assert!(inbox.wire.is_none());
     }
 }
