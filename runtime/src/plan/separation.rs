@@ -103,10 +103,10 @@ pub fn describe_wave(wave: u16, does: &str) -> String {
     }
 }
 
-/// Metres rounded down to a decimetre, with a tolerance of 1 µm for the search's accuracy.
+/// Metres rounded down to a decimetre, with a tolerance of 1 µm for the search's accuracy. No distance is below 0.
 #[must_use]
 pub fn format_metres(metres: f64) -> String {
-    let rounded = rounded_down(metres + 1e-6, 1);
+    let rounded = rounded_down((metres + 1e-6).max(0.0), 1);
     rounded.trim_end_matches(".0").to_owned()
 }
 
@@ -119,4 +119,23 @@ pub fn describe_clearance(approach: &ClosestApproach) -> String {
         format_metres(clearance.horizontal_m),
         format_metres(clearance.vertical_m)
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn metres_are_rounded_down_and_have_no_sign() {
+        for (metres, shown) in [
+            (5.0, "5"),
+            (4.999_999_5, "5"),
+            (4.999, "4.9"),
+            (0.04, "0"),
+            (-1e-9, "0"),
+            (-2e-6, "0"),
+        ] {
+            assert_eq!(format_metres(metres), shown, "{metres}");
+        }
+    }
 }
