@@ -297,7 +297,7 @@ impl Traffic {
     /// Drones too near the remaining path, or on a path that comes too near it.
     ///
     /// Excludes drones on parallel paths, which keep their distance. Excludes drones too near the start, because
-    /// waiting there does not help. A drone that flies past is excluded only if it is too near despite rounding, one that
+    /// waiting there does not help, but for a landing drone above a climb. A drone that flies past is excluded only if it is too near despite rounding, one that
     /// brakes only if it comes to rest there.
     fn blocking(
         &self,
@@ -322,6 +322,7 @@ impl Traffic {
                     && self.config.has_followers
                     && other.intent.is_following();
                 let is_near_here = match space.precedence {
+                    Precedence::Priority if climbs_into(remaining, other) => false,
                     Precedence::Leg => space.is_near(here, self.separation_plus(-ROUNDING_M)),
                     Precedence::Priority if self.brakes(*id) => {
                         self.is_near(&OccupiedSpace::at(space.path.to), here)
@@ -427,6 +428,13 @@ impl Traffic {
             }
         }
     }
+}
+
+/// Whether a path climbs towards a drone that lands. One that is too near may be left in any other direction.
+fn climbs_into(path: Path, other: &Announced) -> bool {
+    let altitude_m = path.from.altitude_m();
+    let is_climb = intent::is_vertical(path) && path.to.altitude_m() > altitude_m;
+    is_climb && other.lands && other.intent.remaining().from.altitude_m() > altitude_m
 }
 
 #[cfg(test)]

@@ -104,6 +104,27 @@ fn drone_too_near_at_the_start_does_not_block_a_path() {
 }
 
 #[test]
+fn drone_below_one_that_lands_does_not_climb_but_may_fly_aside() {
+    let mut known = traffic(&[]);
+    let landing = Intent::of(path(at(2.0, 0.0, 35.0), at(2.0, 0.0, 0.0)), 0.0, true);
+    known.update(seconds(0.0), NodeId(2), Some(landing));
+    let climb = |altitude_m| path(at(0.0, 0.0, altitude_m), at(0.0, 0.0, 40.0));
+    assert!(!known.is_clear(seconds(1.0), climb(12.0)));
+    assert!(known.must_give_way(seconds(1.0), climb(15.0), climb(12.0)));
+    let aside = path(at(0.0, 0.0, 12.0), at(-10.0, 0.0, 12.0));
+    assert!(known.is_clear(seconds(1.0), aside));
+    assert!(
+        known
+            .room_beside(seconds(1.0), at(0.0, 0.0, 12.0), ANYWHERE)
+            .is_some()
+    );
+    // It has passed.
+    let below = Intent::of(path(at(2.0, 0.0, 35.0), at(2.0, 0.0, 0.0)), 0.9, true);
+    known.update(seconds(1.0), NodeId(2), Some(below));
+    assert!(known.is_clear(seconds(1.0), climb(12.0)));
+}
+
+#[test]
 fn one_of_two_drones_that_start_at_once_gives_way() {
     let north = path(at(0.0, 0.0, 12.0), at(100.0, 0.0, 12.0));
     let east = path(at(50.0, -50.0, 12.0), at(50.0, 50.0, 12.0));
