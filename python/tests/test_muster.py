@@ -311,6 +311,8 @@ def contradictory_campaigns_are_refused():
 
 
 def main():
+    # A shell's background jobs ignore it.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with tempfile.TemporaryDirectory() as name:
         folder = pathlib.Path(name)
         mission = (ROOT / "scenarios/missions/field.waypoints").as_posix()
