@@ -1,20 +1,17 @@
 //! Running a search: worker threads take plans in the order of their seeds, and one thread adds up the results.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::{SyncSender, sync_channel};
 use std::time::{Duration, Instant};
 
-use muster_machines::formation::Exposure;
-
 use super::coverage::Coverage;
 use super::search::{DrawnPlan, Plan, Search};
 use super::shrink::shrink;
-use super::state::{self, AcceptedPlan, BrokenPlan, Tally};
+use super::state::{self, AcceptedPlan, BrokenPlan, Tally, accepted_exposures};
 use crate::campaign::{CampaignError, RunOptions};
-use crate::checkers;
 use crate::engine;
 use crate::report::{self, CompleteFile, Engine, Report, Violation, create_folder, is_completed};
 use crate::scenario::{self, Scenario};
@@ -263,11 +260,7 @@ fn fly_chunk(
             let exposures = accepted_exposures(&scenario, violation);
             let violation = Violation::from(violation);
             if !exposures.is_empty() {
-                tally.accepted.push(AcceptedPlan {
-                    seed: plan.seed,
-                    exposures: exposures.iter().map(|it| it.name().to_owned()).collect(),
-                    what: violation.what,
-                });
+                tally.accept(plan.seed, &exposures, violation.what);
             } else if search.keeps_going() {
                 tally.broken.push(BrokenPlan {
                     seed: plan.seed,
@@ -291,14 +284,6 @@ fn fly_chunk(
     }
     tally.core_s = started.elapsed().as_secs_f64();
     Ok((tally, breaking))
-}
-
-/// The exposures listed in `limits.accept` of two drones that came too close, if that is the violation.
-fn accepted_exposures(scenario: &Scenario, violation: &checkers::Violation) -> BTreeSet<Exposure> {
-    match violation.drones[..] {
-        [one, other] if violation.rule == 4 => scenario.accepted_exposures([one, other]),
-        _ => BTreeSet::new(),
-    }
 }
 
 /// Shrinks a plan that breaks a rule, and writes it as a scenario with its report.

@@ -1,7 +1,9 @@
 //! The stored progress of a search.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
+use muster_machines::formation::Exposure;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::text::plural;
 use serde::{Deserialize, Serialize};
@@ -9,7 +11,9 @@ use serde::{Deserialize, Serialize};
 use super::coverage::Coverage;
 use super::search::Search;
 use crate::campaign::{CAMPAIGN_JSON, CampaignError};
+use crate::checkers::Violation;
 use crate::report::{CompleteFile, create_folder, json};
+use crate::scenario::Scenario;
 
 /// File with the progress of a search.
 pub const CHAOS_JSON: &str = "chaos.json";
@@ -48,6 +52,24 @@ impl Tally {
         self.drone_s += other.drone_s;
         self.core_s += other.core_s;
         self.coverage.add(&other.coverage);
+    }
+
+    /// Adds a plan in which two drones came too close in accepted exposures.
+    pub(super) fn accept(&mut self, seed: u64, exposures: &BTreeSet<Exposure>, what: String) {
+        let exposures = exposures.iter().map(|it| it.name().to_owned()).collect();
+        self.accepted.push(AcceptedPlan {
+            seed,
+            exposures,
+            what,
+        });
+    }
+}
+
+/// The exposures listed in `limits.accept` of two drones that came too close, if that is the violation.
+pub(super) fn accepted_exposures(scenario: &Scenario, violation: &Violation) -> BTreeSet<Exposure> {
+    match violation.drones[..] {
+        [one, other] if violation.rule == 4 => scenario.accepted_exposures([one, other]),
+        _ => BTreeSet::new(),
     }
 }
 
