@@ -1,6 +1,5 @@
 //! Runs and campaigns.
 
-use std::error::Error as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -22,13 +21,7 @@ create_exception!(
 
 /// With its causes, such as what the system said.
 fn refuse(error: muster::Error) -> PyErr {
-    let mut words = error.to_string();
-    let mut cause = error.source();
-    while let Some(error) = cause {
-        words.push_str(&format!(": {error}"));
-        cause = error.source();
-    }
-    MusterError::new_err(words)
+    MusterError::new_err(muster::with_causes(&error))
 }
 
 /// A scenario that is ready to fly.

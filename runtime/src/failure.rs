@@ -19,12 +19,18 @@ pub fn report_bad_inputs(inputs: &[BadInput]) -> ExitCode {
 #[expect(clippy::print_stderr, reason = "this is where errors are shown")]
 #[must_use]
 pub fn report_error(error: &dyn Error, code: u8) -> ExitCode {
-    eprint!("Error: {error}");
+    eprintln!("Error: {}", with_causes(error));
+    ExitCode::from(code)
+}
+
+/// An error and its causes, such as what the system said, on one line.
+#[must_use]
+pub fn with_causes(error: &dyn Error) -> String {
+    let mut words = error.to_string();
     let mut cause = error.source();
     while let Some(error) = cause {
-        eprint!(": {error}");
+        words.push_str(&format!(": {error}"));
         cause = error.source();
     }
-    eprintln!();
-    ExitCode::from(code)
+    words
 }

@@ -2,7 +2,7 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use super::*;
 
-const LIMITS: Limits = Limits {
+pub(super) const LIMITS: Limits = Limits {
     radius_m: 0.25,
     speed_max_mps: 0.5,
     turn_rate_max_rps: 1.5,
@@ -27,7 +27,7 @@ fn grid(walls: &[[(f64, f64); 2]]) -> CertaintyGrid {
     grid
 }
 
-fn situation(grid: &CertaintyGrid, goal_rad: f64) -> Situation<'_> {
+pub(super) fn situation(grid: &CertaintyGrid, goal_rad: f64) -> Situation<'_> {
     Situation {
         grid,
         goal_m: 3.0,

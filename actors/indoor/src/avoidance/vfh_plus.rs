@@ -271,13 +271,8 @@ impl Avoider for VfhPlus {
 #[cfg(test)]
 mod tests {
     use super::super::CertaintyGrid;
+    use super::super::tests::{LIMITS, situation};
     use super::*;
-
-    const LIMITS: Limits = Limits {
-        radius_m: 0.25,
-        speed_max_mps: 0.5,
-        turn_rate_max_rps: 1.5,
-    };
 
     #[test]
     fn every_bearing_within_the_enlarged_cell_is_covered() {
@@ -313,16 +308,9 @@ mod tests {
                 grid.mark((at(column), 0.025 + side * f64::from(row) * CELL_M));
                 // Off the middle of a sector, where two ways would cost the same.
                 let goal_rad = side * 0.1;
-                let situation = Situation {
-                    grid: &grid,
-                    goal_m: 3.0,
-                    goal_rad,
-                    course_rad: goal_rad,
-                    speed_mps: 0.0,
-                    turn_rate_rps: 0.0,
-                    blind: SectorSet::NONE,
-                };
-                VfhPlus::new(LIMITS).steer(&situation).unwrap()
+                VfhPlus::new(LIMITS)
+                    .steer(&situation(&grid, goal_rad))
+                    .unwrap()
             };
             let (left, right) = (steered(1.0), steered(-1.0));
             let off_rad = wrapped_rad(left.course_rad + right.course_rad);

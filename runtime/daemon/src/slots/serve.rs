@@ -4,6 +4,7 @@ use std::io::{self, BufRead, BufReader, Read, Write};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
 use std::time::Duration;
 
+use muster_runtime::failure::with_causes;
 use muster_runtime::file::Lock;
 
 use super::Host;
@@ -144,7 +145,7 @@ impl Session<'_> {
                 io::copy(&mut contents, &mut io::sink())?;
                 return Ok(match received {
                     Ok(slot) => SlotReply::Installed { slot },
-                    Err(refusal) => SlotReply::Refused(in_words(&refusal)),
+                    Err(refusal) => SlotReply::Refused(with_causes(&refusal)),
                 });
             }
             SlotOrder::WithUpdates => self.asks_for_updates = true,
@@ -194,15 +195,4 @@ impl Session<'_> {
         }
         Ok(SlotReply::Done)
     }
-}
-
-/// An error and its causes.
-fn in_words(error: &dyn std::error::Error) -> String {
-    let mut words = error.to_string();
-    let mut cause = error.source();
-    while let Some(source) = cause {
-        words.push_str(&format!(": {source}"));
-        cause = source.source();
-    }
-    words
 }
