@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::diagnostic::BadInput;
 use muster_machines::formation::{
-    Change, FlightPlan, Layering, Layout, SEARCHED_MAX, Separation, WaveLimits,
+    Change, FlightPlan, Layering, Layout, PlannedFlight, SEARCHED_MAX, Separation, WaveLimits,
 };
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
@@ -16,7 +16,6 @@ use super::file::Source;
 use super::formation;
 use super::limits::highest_layer_m;
 use super::raw::Raw;
-use super::reach::PlannedFlight;
 
 /// Height above the mission that is available for altitude layers.
 pub(super) struct Headroom {

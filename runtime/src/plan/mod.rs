@@ -10,9 +10,9 @@ mod formation;
 pub mod layering;
 mod limits;
 mod load;
+mod protocol;
 #[doc(hidden)]
 pub mod raw;
-pub mod reach;
 mod sensors;
 pub mod separation;
 
@@ -24,7 +24,7 @@ use muster_machines::formation::{Change, Exposure, Layout, Separation};
 use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::{Ned, Velocity};
 use muster_machines::identity::{NodeId, SwarmId};
-use muster_machines::mission::{Alone, Barrier, Conduct, Following, Holds, Liveness, Succession};
+use muster_machines::mission::{Alone, Conduct, Following, Holds, Liveness, Succession};
 use muster_machines::motion::Landing;
 use muster_machines::msp::controller::{self, PlaceSensor, Receiver, Stage};
 use muster_machines::msp::{AutopilotLink, ControllerLink, autopilot};
@@ -41,6 +41,7 @@ use crate::vehicle::{SimulatedLink, SimulatedVehicle, Vehicle, VehicleKind};
 
 pub use self::fence::describe_fence;
 pub use self::load::{build_plan, load_with, mission_file, to_usize};
+pub use self::protocol::Protocol;
 pub use self::sensors::{FlowSensor, PoseSensor};
 
 /// What a scenario file may hold, the fields of its world included.
@@ -390,37 +391,6 @@ const BUDGET_PER_PERIOD: u32 = 40;
 const BUDGET_BURST: u32 = 64;
 /// Policy `tree`: a drone that has been going to land for a while sends every n-th heartbeat, since no route depends on it.
 const LANDING_HEARTBEATS: u32 = 4;
-
-/// Parameters of the swarm's protocol.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Protocol {
-    /// How orders and acknowledgements spread.
-    pub policy: Policy,
-    /// Which drones a master waits for at a waypoint.
-    pub barrier: Barrier,
-    /// When a silent drone counts as lost.
-    pub liveness: Liveness,
-    /// What drones do when the master is lost.
-    pub succession: Succession,
-    /// Period of a drone's frames.
-    pub period: Duration,
-    /// Period of a landing drone's frames.
-    pub keep_alive: Duration,
-    /// Period of hellos during neighbour discovery.
-    pub hello_period: Duration,
-    /// Duration of neighbour discovery.
-    pub discovery: Duration,
-    /// The longest gap between two consecutive hellos.
-    pub hello_gap: Duration,
-    /// Number of consecutive hellos that make a neighbour stable.
-    pub stable_after: u32,
-    /// Silence after which a drone counts as lost.
-    pub time_to_live: Duration,
-    /// Period of the master's heartbeat; policy `tree` only.
-    pub heartbeat: Duration,
-    /// Retransmission timeout on each hop; policy `tree` only.
-    pub repair: Duration,
-}
 
 /// Parameters of the protocol "follow".
 #[derive(Debug, Clone, PartialEq)]

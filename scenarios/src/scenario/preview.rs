@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use muster_machines::formation::{Change, Paths, Phase, PhaseKind};
+use muster_machines::formation::{Change, Paths, Phase, PhaseKind, PlannedFlight, Unreached};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::{Holds, Succession};
@@ -16,7 +16,6 @@ use super::Scenario;
 use super::exposure::{bare_table, lines};
 use crate::segments::{Link, Segment, Segments};
 use muster_runtime::plan::layering::WavePace;
-use muster_runtime::plan::reach::{PlannedFlight, Unreached};
 use muster_runtime::text::{drones, figure, plural};
 
 /// Largest swarm whose connectivity is computed. Larger ones are taken to have the largest possible diameter.

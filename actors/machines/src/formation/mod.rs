@@ -15,6 +15,7 @@ mod matrix;
 mod mesh;
 mod path;
 mod phases;
+mod planned;
 mod random;
 mod reach;
 mod shape;
@@ -31,6 +32,7 @@ pub use ground::Ground;
 pub use layout::{Layering, Layout, Separation, WaveLimits};
 pub use path::Path;
 pub use phases::{Paths, Phase, PhaseKind};
+pub use planned::{PlannedFlight, Unreached};
 pub use reach::SEARCHED_MAX;
 pub use tube::{Clearance, Tube};
 

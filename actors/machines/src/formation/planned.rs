@@ -3,42 +3,16 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use muster_machines::formation::{FlightPlan, Path, Paths, Phase, PhaseKind, SEARCHED_MAX};
-use muster_machines::geometry::Ned;
-use muster_machines::identity::NodeId;
-use muster_machines::mission::Succession;
-use muster_machines::navigation;
-
-use super::Protocol;
+use super::{FlightPlan, Path, Paths, Phase, PhaseKind, SEARCHED_MAX};
+use crate::geometry::Ned;
+use crate::identity::NodeId;
+use crate::navigation;
 
 /// Time between two looks at who reaches whom, in seconds: of up to [`SEARCHED_MAX`] drones, and of more.
 const STEPS_S: [f64; 2] = [1.0, 10.0];
 
 /// Most looks in a phase, for slow vehicles.
 const LOOKS_MAX: f64 = 600.0;
-
-impl Protocol {
-    /// Additional tolerance for a silent master while routes change.
-    pub(super) fn spreading_grace(&self) -> Duration {
-        match self.succession {
-            Succession::Elect => self.time_to_live * 3,
-            Succession::Land => self.time_to_live,
-        }
-    }
-
-    /// For how long a drone may be out of the master's reach in a phase by plan: half of what the two put up with, because a
-    /// plan knows when drones arrive only roughly.
-    #[must_use]
-    pub fn tolerated(&self, kind: PhaseKind) -> Duration {
-        let grace = match (kind, self.succession) {
-            (PhaseKind::Leg { .. } | PhaseKind::Land { .. }, _) | (_, Succession::Land) => {
-                Duration::ZERO
-            }
-            _ => self.spreading_grace(),
-        };
-        (self.time_to_live + grace) / 2
-    }
-}
 
 /// A flight in which all drones start each phase at once and none is late.
 pub struct PlannedFlight<'a> {
@@ -215,9 +189,8 @@ fn is_landed(kind: PhaseKind, paths: &Paths) -> bool {
 mod tests {
     use std::num::NonZeroU32;
 
-    use muster_machines::formation::{Change, Formation, Kind, Layout, Separation};
-
     use super::*;
+    use crate::formation::{Change, Formation, Kind, Layout, Separation};
 
     /// The phases of a line of nine, 50 m apart, which becomes a matrix, in which a drone is out of a range of 60 m for over 10 s.
     fn unreached(vertical_m: f64, relays: &[Ned]) -> Vec<PhaseKind> {
