@@ -129,27 +129,33 @@ mod tests {
     /// Without coverage to go by; `.ci/fuzz` searches with it.
     #[test]
     fn no_target_panics_on_its_seeds_or_changed_ones() {
-        for target in &TARGETS {
-            let seeds = seeds(target);
-            for seed in &seeds {
-                (target.run)(seed);
+        std::thread::scope(|scope| {
+            for target in &TARGETS {
+                scope.spawn(|| give_changed_seeds(target));
             }
-            let mut runner = TestRunner::deterministic();
-            let inputs = (any::<Index>(), changes());
-            for _ in 0..INPUTS {
-                let (seed, changes) = inputs.new_tree(&mut runner).unwrap().current();
-                let mut input = seed.get(&seeds).clone();
-                changes
-                    .into_iter()
-                    .for_each(|change| change.apply(&mut input));
-                let result = panic::catch_unwind(|| (target.run)(&input));
-                assert!(
-                    result.is_ok(),
-                    "{}: {:?}",
-                    target.name,
-                    input.escape_ascii().to_string()
-                );
-            }
+        });
+    }
+
+    fn give_changed_seeds(target: &Target) {
+        let seeds = seeds(target);
+        for seed in &seeds {
+            (target.run)(seed);
+        }
+        let mut runner = TestRunner::deterministic();
+        let inputs = (any::<Index>(), changes());
+        for _ in 0..INPUTS {
+            let (seed, changes) = inputs.new_tree(&mut runner).unwrap().current();
+            let mut input = seed.get(&seeds).clone();
+            changes
+                .into_iter()
+                .for_each(|change| change.apply(&mut input));
+            let result = panic::catch_unwind(|| (target.run)(&input));
+            assert!(
+                result.is_ok(),
+                "{}: {:?}",
+                target.name,
+                input.escape_ascii().to_string()
+            );
         }
     }
 }

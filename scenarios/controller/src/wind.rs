@@ -93,7 +93,7 @@ mod tests {
             gusts_mps: 1.5,
         };
         let mut gusts = Gusts::new(1, 0);
-        let count = 2_000_000;
+        let count = 500_000;
         let (mut sum, mut squares) = (Vector3::zeros(), Vector3::zeros());
         for step in 0..count {
             let air = gusts.step(&wind, step, (10.0, 2.0), 1e-2);

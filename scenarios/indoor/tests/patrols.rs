@@ -43,16 +43,20 @@ fn check_patrol(prepared: &Prepared, what: &str, seed: u64) -> Outcome {
 
 #[test]
 fn patrols_of_all_flats_touch_nothing_see_all_and_keep_their_time_and_their_pose() {
-    for (name, _) in shipped() {
-        let prepared = prepared(name);
-        for seed in 0..2 {
-            let what = format!("{name}, seed {seed}");
-            let outcome = check_patrol(&prepared, &what, seed);
-            assert!(outcome.seen() >= SEEN_MIN, "{what}: {}", outcome.seen());
-            let error_m = outcome.track.error_m(0.95);
-            assert!(error_m <= ERROR_P95_M, "{what}: {error_m}");
+    std::thread::scope(|scope| {
+        for (name, _) in shipped() {
+            scope.spawn(move || {
+                let prepared = prepared(name);
+                for seed in 0..2 {
+                    let what = format!("{name}, seed {seed}");
+                    let outcome = check_patrol(&prepared, &what, seed);
+                    assert!(outcome.seen() >= SEEN_MIN, "{what}: {}", outcome.seen());
+                    let error_m = outcome.track.error_m(0.95);
+                    assert!(error_m <= ERROR_P95_M, "{what}: {error_m}");
+                }
+            });
         }
-    }
+    });
 }
 
 /// From tables that are half a cell off, it believed itself half a decimetre nearer to the middle of a door than it was, and came

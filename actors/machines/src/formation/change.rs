@@ -171,6 +171,13 @@ mod tests {
         });
     }
 
+    /// Distance of a place from the nearest place of a drone that crosses.
+    fn horizontal_distance_m(place: Ned, [from, to, _]: &[Ned; 3]) -> f64 {
+        let (way, done) = ((*to - *from).0.xy(), (place - *from).0.xy());
+        let share = (done.dot(&way) / way.norm_squared().max(1e-9)).clamp(0.0, 1.0);
+        (done - way * share).norm()
+    }
+
     #[test]
     fn drones_with_close_paths_have_different_sectors() {
         each_pair(|to, change| {
@@ -180,12 +187,9 @@ mod tests {
             for (a, one) in paths.iter().enumerate() {
                 for other in &paths[..a] {
                     let apart_m = one[0].vertical_distance_m(other[0]);
-                    // For all positions on both paths.
-                    let steps = || (0..=50).map(|step| f64::from(step) / 50.0);
-                    let on = |path: &[Ned; 3], share| Ned(path[0].0.lerp(&path[1].0, share));
-                    let nearest_m = steps()
-                        .flat_map(|i| steps().map(move |j| (i, j)))
-                        .map(|(i, j)| on(one, i).horizontal_distance_m(on(other, j)))
+                    let nearest_m = (0..=50)
+                        .map(|step| one[0].0.lerp(&one[1].0, f64::from(step) / 50.0))
+                        .map(|place| horizontal_distance_m(Ned(place), other))
                         .fold(f64::INFINITY, f64::min);
                     assert!(nearest_m >= 5.0 || apart_m >= 5.0, "to {to:?}");
                 }

@@ -83,8 +83,13 @@ fn a_navigation_that_crashes_continues_from_its_pose_and_the_patrol_ends() {
     ];
     // One of twelve seeds saw 98.8 % after the crashes; the others as much as without them.
     let mut complete = 0;
-    for seed in 0..6 {
-        let outcome = patrol(with_noise(seed), &crashes);
+    let flown = std::thread::scope(|scope| {
+        let seeds = [0, 1, 2, 3, 4, 5, 0];
+        let flown = seeds.map(|seed| scope.spawn(move || patrol(with_noise(seed), &crashes)));
+        flown.map(|it| it.join().unwrap())
+    });
+    let [outcomes @ .., again] = &flown;
+    for (seed, outcome) in outcomes.iter().enumerate() {
         assert!(
             outcome.is_done && !outcome.clearance.is_at_fault(),
             "seed {seed}"
@@ -93,5 +98,5 @@ fn a_navigation_that_crashes_continues_from_its_pose_and_the_patrol_ends() {
         complete += u32::from(outcome.seen() >= SEEN_MIN);
     }
     assert!(complete >= 5, "{complete} of 6");
-    assert!(patrol(with_noise(0), &crashes) == patrol(with_noise(0), &crashes));
+    assert!(outcomes[0] == *again);
 }

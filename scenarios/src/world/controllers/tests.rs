@@ -150,7 +150,7 @@ impl Bench {
 #[test]
 fn pilot_who_takes_over_at_any_moment_has_the_sticks_and_nothing_arms_again() {
     let mut rng = ChaCha8Rng::seed_from_u64(24);
-    for flight in 0..100 {
+    for flight in 0..40 {
         let mut bench = Bench::flying("override", flight);
         let at_s: f64 = rng.random_range(0.0..12.0);
         bench.pass(at_s.min(6.0));

@@ -104,7 +104,7 @@ proptest! {
     #[test]
     fn search_finds_the_closest_approach_and_all_conflicts(
         kind in kinds(),
-        drones in 2_u32..12,
+        drones in 2_u32..9,
         spacing_m in 12.0..60.0_f64,
         length_m in 5.0..100.0_f64,
     ) {
