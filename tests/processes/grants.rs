@@ -69,6 +69,7 @@ fn write_evidence(fleet: &Fleet, id: u32, kind: &str, receiver: &Receiver) -> Pa
         _ => [
             json!({"message": "the grant allows the stage", "stage": "tethered"}).to_string(),
             seen(json!({"State": "TakingOff"})),
+            seen(json!({"State": "NeighbourDiscovery"})),
             seen(json!({"Landing": "MissionOver"})),
             seen(json!({"State": "Finished"})),
         ]

@@ -49,7 +49,7 @@ pub(super) enum Weakness {
     /// Another drone.
     #[error("the evidence is of drone {0}")]
     OtherDrone(u32),
-    /// The drone has not flown from take-off to landing in the stage `tethered`.
+    /// The drone has not flown from take-off, over a place in the air, to landing in the stage `tethered`.
     #[error("there is no flight from take-off to landing in the stage \"tethered\"")]
     NoFlight,
     /// The drone landed for a reason of its own.
@@ -196,7 +196,9 @@ fn bench(check: &BenchCheck, controller: &ControllerFacts) -> Result<(), Weaknes
 
 /// The newest flight in the log of a drone's process.
 fn tether(text: &str, id: u32) -> Result<(), Weakness> {
-    let (mut is_tethered, mut has_taken_off, mut is_over) = (false, false, false);
+    let (mut is_tethered, mut is_over) = (false, false);
+    // Told to take off; up there, too: a pilot may never have armed.
+    let (mut is_ordered, mut has_flown) = (false, false);
     let mut reason = None;
     for line in text.lines().filter(|line| !line.trim().is_empty()) {
         let line: LogLine = parse(line)?;
@@ -212,18 +214,19 @@ fn tether(text: &str, id: u32) -> Result<(), Weakness> {
         let seen = line.seen.as_deref().map(parse).transpose()?;
         match seen {
             Some(Observation::Mission(Event::State(State::TakingOff))) => {
-                (has_taken_off, is_over, reason) = (is_tethered, false, None);
+                (is_ordered, has_flown, is_over, reason) = (is_tethered, false, false, None);
             }
             Some(Observation::Mission(Event::Landing(why))) => reason = Some(why),
-            Some(Observation::Mission(Event::State(State::Finished))) => is_over = has_taken_off,
+            Some(Observation::Mission(Event::State(State::Finished))) => is_over = has_flown,
+            Some(Observation::Mission(Event::State(state))) if state.is_on_mission() => {
+                has_flown = is_ordered;
+            }
             _ => {}
         }
     }
     match reason {
         Some(LandingReason::MissionOver | LandingReason::Recalled) | None if is_over => Ok(()),
-        Some(why) if why != LandingReason::MissionOver && has_taken_off => {
-            Err(Weakness::Aborted(why))
-        }
+        Some(why) if why != LandingReason::MissionOver && is_ordered => Err(Weakness::Aborted(why)),
         _ => Err(Weakness::NoFlight),
     }
 }

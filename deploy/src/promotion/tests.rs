@@ -49,6 +49,7 @@ fn tether(stage: &str, reason: LandingReason) -> String {
         json!({"level": "INFO", "message": "starts", "drone": 1, "at_ns": 1, "incarnation": 1}),
         json!({"level": "INFO", "message": "the grant allows the stage", "stage": stage}),
         seen(Event::State(State::TakingOff)),
+        seen(Event::State(State::NeighbourDiscovery)),
         seen(Event::Landing(reason)),
         seen(Event::State(State::Landing)),
         seen(Event::State(State::Finished)),
@@ -263,13 +264,22 @@ fn a_record_of_a_tether_shows_a_whole_flight_of_this_drone_in_that_stage() {
     // The newest flight counts.
     assert_eq!(judged(&format!("{lost}{whole}")), None);
     assert!(judged(&format!("{whole}{lost}")).is_some());
-    let cut = whole.lines().count() - 1;
-    let cut: String = whole
-        .lines()
-        .take(cut)
-        .map(|it| format!("{it}\n"))
-        .collect();
-    assert_eq!(judged(&cut), Some(Weakness::NoFlight));
+    let without = |text: &str, state: &str| -> String {
+        let lines = text.lines().filter(|line| !line.contains(state));
+        lines.map(|line| format!("{line}\n")).collect()
+    };
+    let unfinished = without(&whole, "Finished");
+    assert_eq!(judged(&unfinished), Some(Weakness::NoFlight));
+    // The pilot has not armed, and the operator recalls the drone, or the mission ends without it.
+    let never_up = without(&whole, "NeighbourDiscovery");
+    assert_eq!(judged(&never_up), Some(Weakness::NoFlight));
+    let recalled = tether("tethered", LandingReason::Recalled);
+    assert_eq!(judged(&recalled), None);
+    let never_up = without(&recalled, "NeighbourDiscovery");
+    assert_eq!(
+        judged(&never_up),
+        Some(Weakness::Aborted(LandingReason::Recalled))
+    );
     let other = whole.replace("\"drone\":1", "\"drone\":2");
     assert_eq!(judged(&other), Some(Weakness::OtherDrone(2)));
 }

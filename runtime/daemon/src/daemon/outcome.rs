@@ -5,8 +5,6 @@ use muster_machines::mission::{self, LandingReason};
 /// Why the drone lands, and whether its process may end.
 #[derive(Debug, Default)]
 pub(super) struct Outcome {
-    /// A landing order that the mission has not received yet.
-    pub(super) ordered: Option<LandingReason>,
     /// The first reason to land.
     landing: Option<LandingReason>,
     /// Whether the mission is over and the drone on the ground.

@@ -31,7 +31,7 @@ use crate::control::Losses;
 mod pending;
 mod status;
 
-use self::pending::PendingPortEvents;
+use self::pending::{LandingOrder, PendingPortEvents};
 pub(super) use self::status::{ANSWER_MAX, STATES};
 
 /// The most datagrams that are taken in before the actors run.
@@ -47,6 +47,7 @@ pub(super) struct State {
     vehicle: Vehicle,
     monitor: Monitor,
     outcome: Outcome,
+    landing_order: LandingOrder,
     port_events: PendingPortEvents,
     /// When the timer task wakes.
     wakes: Option<Timestamp>,
@@ -69,6 +70,7 @@ impl State {
             vehicle: components.vehicle,
             monitor: components.monitor,
             outcome: outcome.unwrap_or_default(),
+            landing_order: LandingOrder::default(),
             port_events: PendingPortEvents::default(),
             wakes: None,
         }
@@ -183,8 +185,10 @@ impl State {
     /// An actor starts or is started again.
     pub(super) fn starting(&mut self, address: Address) {
         self.actors.set_up(address);
-        if address == Address::Msp {
-            self.port_events.link_starts();
+        match address {
+            Address::Msp => self.port_events.link_starts(),
+            Address::Mission => self.landing_order.mission_starts(),
+            _ => {}
         }
     }
 
@@ -237,19 +241,19 @@ impl State {
         self.durable.close()
     }
 
-    /// Orders the mission to land. It gets the order as soon as it runs and has room.
+    /// Orders the mission to land. It gets the order as soon as it runs and has room, and again whenever it is started again.
     pub(super) fn order_landing(&mut self, reason: LandingReason) {
-        self.outcome.ordered.get_or_insert(reason);
+        self.landing_order.give(reason);
         self.deliver_landing_order(self.clock.now());
     }
 
     fn deliver_landing_order(&mut self, now: Timestamp) {
         // After giving up, the drone is landing already.
-        if let Some(reason) = self.outcome.ordered.filter(|_| !self.outcome.gave_up()) {
-            let order = Envelope::Mission(mission::Input::Abort(reason));
-            if self.actors.post(now, order) {
-                self.outcome.ordered = None;
-            }
+        if !self.outcome.gave_up() {
+            let actors = &mut self.actors;
+            self.landing_order.deliver(|reason| {
+                actors.post(now, Envelope::Mission(mission::Input::Abort(reason)))
+            });
         }
     }
 

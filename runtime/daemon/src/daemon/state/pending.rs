@@ -1,5 +1,6 @@
-//! Events of the port that the link to the vehicle must not miss.
+//! What an actor must get: events of the port for the link to the vehicle, an order to land for the mission.
 
+use muster_machines::mission::LandingReason;
 use muster_machines::msp::PortEvent;
 
 /// Port events that wait until the link to the vehicle runs and has room.
@@ -42,6 +43,35 @@ impl PendingPortEvents {
         if self.closing || !post(event) {
             self.closing |= is_closed;
             self.introduction |= is_identified;
+        }
+    }
+}
+
+/// An order to land. Each mission gets it, since one that fails takes with it what it had not handled; one that lands already
+/// does nothing more.
+#[derive(Debug, Default)]
+pub(super) struct LandingOrder {
+    /// Why, once it was given.
+    reason: Option<LandingReason>,
+    /// Whether the mission that runs has it.
+    is_delivered: bool,
+}
+
+impl LandingOrder {
+    /// The first reason holds.
+    pub(super) fn give(&mut self, reason: LandingReason) {
+        self.reason.get_or_insert(reason);
+    }
+
+    /// A mission starts or is started again.
+    pub(super) const fn mission_starts(&mut self) {
+        self.is_delivered = false;
+    }
+
+    /// `post` returns whether the mission runs and has room.
+    pub(super) fn deliver(&mut self, post: impl FnOnce(LandingReason) -> bool) {
+        if let Some(reason) = self.reason.filter(|_| !self.is_delivered) {
+            self.is_delivered = post(reason);
         }
     }
 }
@@ -110,5 +140,26 @@ mod tests {
         assert!(delivered(&mut pending, 2).is_empty());
         pending.post(identified(), |_| false);
         assert_eq!(delivered(&mut pending, 2), [identified(), status()]);
+    }
+
+    #[test]
+    fn mission_that_is_started_again_gets_the_order_to_land_again() {
+        let mut order = LandingOrder::default();
+        let given = |order: &mut LandingOrder, has_room| {
+            let mut given = None;
+            order.deliver(|reason| {
+                given = Some(reason);
+                has_room
+            });
+            given
+        };
+        assert_eq!(given(&mut order, true), None);
+        order.give(LandingReason::Recalled);
+        order.give(LandingReason::JournalLost);
+        assert_eq!(given(&mut order, false), Some(LandingReason::Recalled));
+        assert_eq!(given(&mut order, true), Some(LandingReason::Recalled));
+        assert_eq!(given(&mut order, true), None, "once to each mission");
+        order.mission_starts();
+        assert_eq!(given(&mut order, true), Some(LandingReason::Recalled));
     }
 }
