@@ -9,7 +9,8 @@ use muster_transport::sockets::OpenError;
 use thiserror::Error;
 use tokio::task::JoinError;
 
-/// Why a drone's process could not start or had to stop. Only [`Self::Task`] occurs in flight.
+/// Why a drone's process could not start or had to stop. [`Self::Task`] occurs in flight; the
+/// others do if the process was started again there.
 #[derive(Debug, Error)]
 pub enum DaemonError {
     /// The journal's folder can't be opened.
