@@ -17,7 +17,7 @@ use crate::report::{self, CompleteFile, Engine, Report, Violation, create_folder
 use crate::scenario::{self, Scenario};
 
 /// Plans per work item; this many are repeated after an interruption.
-const CHUNK: u64 = 50;
+const CHUNK: u64 = 10;
 /// Default wall-clock limit of a plan.
 pub const RUN_LIMIT: Duration = Duration::from_secs(60);
 /// File of the scenario that breaks a rule, and folder of its report.

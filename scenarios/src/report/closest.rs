@@ -23,12 +23,16 @@ pub(super) struct Closest {
     pub(super) pairs: Vec<Option<Pair>>,
 }
 
-/// Samples of a run, over the drones of all swarms.
+/// Samples of a run, over the drones of all swarms, and their relays.
 pub(super) fn closest(report: &Report, flight: &Flight) -> Closest {
     let swarms = report.swarms().zip(flight.swarms());
     let drones: Vec<_> = swarms
         .flat_map(|(report, flight)| report.drones.iter().zip(&flight.drones))
         .map(|(report, flown)| (report.id, flown))
+        .collect();
+    let relays = report.swarms().flat_map(|report| &report.relays);
+    let relays: Vec<_> = relays
+        .map(|it| (it.id, Ned::new(it.north_m, it.east_m, -it.altitude_m)))
         .collect();
     let end_s = report.simulated_s;
     let number = drones.len().max(1) as f64;
@@ -45,7 +49,14 @@ pub(super) fn closest(report: &Report, flight: &Flight) -> Closest {
                 .iter()
                 .filter_map(|(id, drone)| Some((*id, place(drone, at)?))),
         );
-        pairs.push(nearest(&mut flying));
+        let passed = flying.iter().flat_map(|(drone, place)| {
+            relays
+                .iter()
+                .map(|(relay, at)| (place.distance_m(*at), *drone, *relay))
+        });
+        let passed = passed.min_by(|(a_m, ..), (b_m, ..)| a_m.total_cmp(b_m));
+        let pair = nearest(&mut flying).into_iter().chain(passed);
+        pairs.push(pair.min_by(|(a_m, ..), (b_m, ..)| a_m.total_cmp(b_m)));
     }
     Closest { step_s, pairs }
 }
@@ -102,6 +113,19 @@ mod tests {
         ];
         assert_eq!(nearest(&mut flying), Some((6.0, 1, 2)));
         assert_eq!(nearest(&mut flying[..1]), None);
+    }
+
+    #[test]
+    fn relay_that_a_drone_passes_is_in_the_closest_pair() {
+        let (mut report, flight) = sample::swarm(5);
+        let before = closest(&report, &flight);
+        let middle = before.pairs.len() / 2;
+        let at = Timestamp::from_secs_f64(before.step_s * middle as f64);
+        let beside = place(&flight.drones[3], at).unwrap();
+        report.relays = vec![sample::relay(9, beside + Ned::new(0.0, 2.0, 0.0))];
+        let (distance_m, drone, relay) = closest(&report, &flight).pairs[middle].unwrap();
+        assert!((distance_m - 2.0).abs() < 1e-6, "{distance_m}");
+        assert_eq!((drone, relay), (3, 9));
     }
 
     #[test]

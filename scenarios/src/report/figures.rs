@@ -74,7 +74,7 @@ impl Barrier {
     /// Barrier wait: seconds from the last arrival to the last departure.
     #[must_use]
     pub fn wait_s(&self) -> f64 {
-        self.moving_s - self.arrived_s
+        self.moving_s - self.arrived_s - self.hold_s
     }
 }
 

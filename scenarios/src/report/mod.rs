@@ -104,6 +104,10 @@ pub struct Report {
     /// all of the swarm were in contact at some time.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub never_met: Vec<Vec<u32>>,
+    /// Faults of the scenario that never happened, by their place in its file, from 1. Omitted if all happened, and if a broken
+    /// rule ended the run.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub never_injected: Vec<usize>,
     /// Received frames that radios dropped, by reason.
     pub dropped: BTreeMap<String, u64>,
     /// Counters of the shared medium; `None` on an ideal medium.
@@ -257,6 +261,13 @@ impl DroneReport {
             &self.state
         }
     }
+
+    /// Whether it is on the ground as at the start, neither flown nor lost.
+    pub(crate) fn stayed(&self) -> bool {
+        [State::Start, State::SetUp]
+            .iter()
+            .any(|it| it.to_string() == self.state)
+    }
 }
 
 /// What the port of a drone's flight controller has counted.
@@ -334,6 +345,8 @@ pub struct Barrier {
     pub arrived_s: f64,
     /// Departure of the last live member.
     pub moving_s: f64,
+    /// For how long the mission held the swarm in between.
+    pub hold_s: f64,
     /// Frames sent by all drones from the first arrival to the last departure, without keep-alives.
     pub transmissions: u64,
     /// Periodic keep-alives sent in the same time.

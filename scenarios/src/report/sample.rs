@@ -7,8 +7,8 @@ use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 
 use super::{
-    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, History, Means, Report, Role,
-    Violation,
+    Barrier, Bridge, DroneReport, Engine, Flight, FlightOfDrone, History, Means, RelayReport,
+    Report, Role, Violation,
 };
 
 const SPACING_M: f64 = 160.0;
@@ -54,6 +54,7 @@ pub(crate) fn swarm(drones: u32) -> (Report, Flight) {
         agent_failures: Vec::new(),
         observed: Vec::new(),
         never_met: vec![],
+        never_injected: vec![],
         dropped: BTreeMap::new(),
         medium: None,
         interrupted: false,
@@ -224,6 +225,7 @@ impl Script {
                 waypoint,
                 arrived_s: moving_s - wait_s - 0.04 * f64::from(waypoint),
                 moving_s,
+                hold_s: 0.0,
                 transmissions: u64::from(3 * drones + 5 * u32::from(waypoint)),
                 keep_alives: u64::from(drones),
                 retries: 0,
@@ -298,5 +300,21 @@ fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport 
         restarts: 0,
         following: None,
         port: None,
+    }
+}
+
+/// A relay that stands at a place.
+pub(crate) fn relay(id: u32, place: Ned) -> RelayReport {
+    RelayReport {
+        id,
+        north_m: place.north_m(),
+        east_m: place.east_m(),
+        altitude_m: place.altitude_m(),
+        hops: None,
+        parent: None,
+        messages_sent: 0,
+        messages_received: 0,
+        messages_at_least: false,
+        restarts: 0,
     }
 }

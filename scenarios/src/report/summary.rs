@@ -1,7 +1,8 @@
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use muster_machines::identity::NodeId;
-use muster_machines::mission::{LandingReason, State};
+use muster_machines::mission::{Holds, LandingReason, State};
 use muster_transport::sim::Access;
 
 use super::figures::command;
@@ -64,7 +65,7 @@ impl Run<'_> {
             .map(|(((id, _), distances_m), port)| DroneReport {
                 following: error(distances_m.clone()),
                 port: port.as_ref().map(PortReport::from),
-                ..drone(id, &flown.recorder)
+                ..drone(id, &flown.recorder, &swarm.plan.holds)
             })
             .collect();
         let dropped = flown.recorder.dropped().iter();
@@ -89,7 +90,7 @@ impl Run<'_> {
             means: means(&drones),
             drones,
             relays: relays(swarm, joins, flown),
-            barriers: barriers(&flown.recorder),
+            barriers: barriers(&flown.recorder, &swarm.plan.holds),
             changes: changes(swarm, &flown.recorder),
             following: error(distances_m.concat()),
             elections: elections(&flown.recorder),
@@ -103,11 +104,26 @@ impl Run<'_> {
             min_separation_m: outcome.closest_m,
             mission_completed: is_completed(swarm, &flown.recorder) && never_met.is_empty(),
             never_met,
+            never_injected: self.never_injected(swarm),
             interrupted: false,
             violations: outcome.violations.iter().map(Violation::from).collect(),
             unchecked: self.scenario.unchecked,
             others: Vec::new(),
         }
+    }
+
+    /// Faults that did not happen by the end of a simulation, by their place in the file, from 1. They are the own swarm's.
+    fn never_injected(&self, swarm: &Scenario) -> Vec<usize> {
+        let is_simulated = self.engine.is_some() && self.outcome.violations.is_empty();
+        if !is_simulated || !std::ptr::eq(swarm, self.scenario) {
+            return Vec::new();
+        }
+        let injected: BTreeSet<usize> = (self.outcome.injections.iter())
+            .map(|it| it.fault)
+            .collect();
+        let faults = 0..self.scenario.faults.len();
+        let never = faults.filter(|it| !injected.contains(it));
+        never.map(|it| it + 1).collect()
     }
 
     /// What happened to one swarm, broken rules included: those of the run are marks of its own swarm.
@@ -146,9 +162,12 @@ impl Run<'_> {
     }
 }
 
-fn drone(id: NodeId, recorder: &Recorder) -> DroneReport {
+fn drone(id: NodeId, recorder: &Recorder, holds: &Holds) -> DroneReport {
     let (record, traffic) = (recorder.of(id), recorder.traffic(id));
-    let waits: Vec<Duration> = record.waits().collect();
+    let waits = record
+        .stays()
+        .map(|(waypoint, stay)| stay - held(stay, holds.at(waypoint)));
+    let waits: Vec<Duration> = waits.collect();
     let routes = &record.routes;
     // Segments that meet while they land agree on a master, but the routes are those from before.
     let leads = [Some(recorder.leader_of(id)), record.landed_under].contains(&Some(id));
@@ -309,7 +328,12 @@ fn elections(recorder: &Recorder) -> Vec<Election> {
     .collect()
 }
 
-fn barriers(recorder: &Recorder) -> Vec<Barrier> {
+/// How much of a stay at a waypoint was a hold. One that is shorter was another, before or after a change of formation.
+fn held(stay: Duration, hold: Duration) -> Duration {
+    if stay < hold { Duration::ZERO } else { hold }
+}
+
+fn barriers(recorder: &Recorder, holds: &Holds) -> Vec<Barrier> {
     let crossings = recorder.barriers().iter();
     crossings
         .filter_map(|(waypoint, crossing)| {
@@ -319,6 +343,7 @@ fn barriers(recorder: &Recorder) -> Vec<Barrier> {
                 waypoint: *waypoint,
                 arrived_s: left.arrived.as_secs_f64(),
                 moving_s: left.at.as_secs_f64(),
+                hold_s: held(left.at - left.arrived, holds.at(*waypoint)).as_secs_f64(),
                 transmissions: sent_after.news.saturating_sub(sent_before.news),
                 keep_alives: sent_after
                     .keep_alives

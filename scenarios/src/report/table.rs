@@ -239,8 +239,27 @@ fn swarm_summary(report: &Report) -> Vec<(&'static str, String)> {
     if !report.never_met.is_empty() {
         lines.push(("network", describe_never_met(report)));
     }
+    if !report.never_injected.is_empty() {
+        let numbers: Vec<_> = report.never_injected.iter().map(usize::to_string).collect();
+        let never = format!(
+            "never injected, by number in the file: {}",
+            numbers.join(", ")
+        );
+        lines.push(("faults", never));
+    }
+    let stayed: Vec<u32> = report
+        .drones
+        .iter()
+        .filter(|it| it.stayed())
+        .map(|it| it.id)
+        .collect();
     if !report.mission_completed {
         lines.push(("mission", incomplete_mission(report)));
+    } else if !stayed.is_empty() {
+        lines.push((
+            "mission",
+            format!("flown without {}, never off the ground", drones(&stayed)),
+        ));
     }
     lines
 }

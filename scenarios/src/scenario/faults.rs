@@ -130,8 +130,12 @@ impl Reader<'_> {
                 Ok(When::After(Trigger::Waypoint(waypoint), after))
             }
             (None, None, Some(trigger)) => Ok(When::After((*trigger).into(), after)),
-            _ => {
+            (None, None, None) => {
                 let message = "a fault needs one of `at_s`, `at_waypoint` and `when`";
+                Err(self.source.error(span, message))
+            }
+            _ => {
+                let message = "a fault takes only one of `at_s`, `at_waypoint` and `when`";
                 Err(self.source.error(span, message))
             }
         }

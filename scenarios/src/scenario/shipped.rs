@@ -100,6 +100,9 @@ pub(super) fn shown(path: &Path) -> Cow<'_, Path> {
     }
 }
 
+/// How names of the user's own scenarios and missions end.
+const SUFFIXES: [&str; 4] = [SCENARIO, "waypoints", "plan", "kml"];
+
 fn find<'a>(
     named: &'a Path,
     is_one: fn(&str) -> bool,
@@ -117,10 +120,15 @@ fn find<'a>(
         Some(path) => Ok(Cow::Owned(Path::new(FOLDER).join(path))),
         None => {
             let all = || FILES.iter().map(|(path, _)| *path);
-            let suggestion = match all().find(|path| stem(path) == name) {
-                Some(path) if is_scenario(path) => "; a scenario has it".to_owned(),
-                Some(_) => "; a mission has it".to_owned(),
-                None => {
+            let here = SUFFIXES.iter().map(|suffix| format!("{name}.{suffix}"));
+            let here = here
+                .into_iter()
+                .find(|file| is_one(file) && Path::new(file).is_file());
+            let suggestion = match (all().find(|path| stem(path) == name), here) {
+                (_, Some(file)) => format!("; the file here is named {file}"),
+                (Some(path), None) if is_scenario(path) => "; a scenario has it".to_owned(),
+                (Some(_), None) => "; a mission has it".to_owned(),
+                (None, None) => {
                     let near = did_you_mean(&name, paths.by_ref().map(stem));
                     if near.is_empty() {
                         did_you_mean(&name, all().map(stem))

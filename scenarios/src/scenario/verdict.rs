@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use muster_machines::formation::Change;
+use muster_machines::formation::{Change, Path, PhaseKind, Tube};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Succession;
@@ -21,9 +21,15 @@ impl Scenario {
     #[must_use]
     pub fn verdict(&self) -> String {
         let connected = self.connected();
-        let warnings = connected
+        let mut warnings = connected
             .as_ref()
             .map_or_else(Vec::new, |in_slots| self.warnings(in_slots));
+        warnings.extend(self.passed_relay().map(|(kind, drone, relay)| {
+            format!(
+                "drone {drone} comes too near relay {relay} {}: move the relay in `relays`",
+                describe_phase(kind)
+            )
+        }));
         let mut facts = vec![
             plural(self.plan.layout.formation().drones() as usize, "drone"),
             about(self.expected()),
@@ -40,6 +46,34 @@ impl Scenario {
         );
         let warnings: String = warnings.iter().map(|it| format!("; {it}")).collect();
         format!("{word}: {facts}{warnings}")
+    }
+
+    /// The first drone, and the phase, that comes nearer to a relay than drones in lockstep may come to each other.
+    fn passed_relay(&self) -> Option<(PhaseKind, NodeId, NodeId)> {
+        let separation = self.plan.limits.separation;
+        let relays = (self.plan.layout.formation().drones()..).zip(self.plan.relays.iter());
+        let relays: Vec<_> = relays
+            .map(|(id, place)| {
+                let stays = Path {
+                    from: *place,
+                    to: *place,
+                };
+                (NodeId(id), Tube::from(stays))
+            })
+            .collect();
+        let passed = |path: Path| {
+            let passed = relays
+                .iter()
+                .find(|(_, relay)| Tube::from(path).violates(*relay, separation));
+            passed.map(|(id, _)| *id)
+        };
+        self.flown().phases().find_map(|phase| {
+            let mut paths = (0..).map(NodeId).zip(&phase.paths);
+            paths.find_map(|(id, paths)| {
+                let relay = paths.iter().find_map(|path| passed(*path))?;
+                Some((phase.kind, id, relay))
+            })
+        })
     }
 
     /// What may surprise an operator, though it can be flown.
@@ -157,8 +191,17 @@ impl Scenario {
         } else {
             vehicle.descent_mps
         };
-        let over_ground_s = from.horizontal_distance_m(to) / vehicle.speed_mps;
-        over_ground_s.max(up_m.abs() / vertical_mps) + vehicle.speed_mps / vehicle.acceleration_mps2
+        let acceleration_mps2 = vehicle.acceleration_mps2;
+        // On a short way a vehicle brakes before it is at its full speed.
+        let from_rest_to_rest_s = |length_m: f64, speed_mps: f64| {
+            if length_m < speed_mps * speed_mps / acceleration_mps2 {
+                2.0 * (length_m / acceleration_mps2).sqrt()
+            } else {
+                length_m / speed_mps + speed_mps / acceleration_mps2
+            }
+        };
+        let over_ground_s = from_rest_to_rest_s(from.horizontal_distance_m(to), vehicle.speed_mps);
+        over_ground_s.max(from_rest_to_rest_s(up_m.abs(), vertical_mps))
     }
 }
 

@@ -29,7 +29,7 @@ fn flown(scenario: &Scenario, what: &str) -> Report {
     report
 }
 
-/// Barrier wait at each waypoint, in seconds.
+/// Time at each waypoint with all there, holds included, in seconds.
 fn waits_s(report: &Report) -> Vec<f64> {
     let barriers = report.barriers.iter();
     barriers.map(|it| it.moving_s - it.arrived_s).collect()
@@ -40,6 +40,12 @@ fn hold_time_starts_with_the_last_arrival() {
     for policy in ["flood", "tree"] {
         let report = flown(&held(policy, &[]), policy);
         assert_finished(&report, &[], policy);
+        for (barrier, hold_s) in report.barriers.iter().zip(HOLDS_S) {
+            let wait_s = barrier.wait_s();
+            assert!(barrier.hold_s == hold_s && (0.0..BARRIER_MAX_S).contains(&wait_s));
+        }
+        let delays_s = report.drones.iter().map(|it| it.waypoint_delay_s.unwrap());
+        assert!(delays_s.fold(0.0, f64::max) < BARRIER_MAX_S, "{policy}");
         let waits_s = waits_s(&report);
         assert_eq!(waits_s.len(), HOLDS_S.len(), "{policy}");
         for (wait_s, hold_s) in waits_s.iter().zip(HOLDS_S) {

@@ -222,6 +222,26 @@ fn preview_shows_drones_that_layers_take_out_of_range() {
 }
 
 #[test]
+fn check_warns_of_a_relay_in_the_way() {
+    let verdict = |relay: &str| {
+        let relay = format!("relays=[{relay}]");
+        scenario("barrier-line.toml", &[&relay]).verdict()
+    };
+    let first = scenario("barrier-line.toml", &[]).plan.waypoints[1];
+    let [north_m, east_m, altitude_m] = [first.north_m(), first.east_m(), first.altitude_m()];
+    let in_the_way = verdict(&format!(
+        "{{ north_m = {north_m}, east_m = {east_m}, altitude_m = {altitude_m} }}"
+    ));
+    let warned = "comes too near relay";
+    assert!(
+        in_the_way.starts_with("WARNING") && in_the_way.contains(warned),
+        "{in_the_way}"
+    );
+    let above = verdict("{ north_m = 0, east_m = 0, altitude_m = 110 }");
+    assert!(!above.contains(warned), "{above}");
+}
+
+#[test]
 fn check_warns_of_drones_that_are_out_of_reach_on_the_way() {
     let verdict = |overrides: &[&str]| scenario("mesh-in-waves.toml", overrides).verdict();
     let text = verdict(&[]);

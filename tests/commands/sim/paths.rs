@@ -161,3 +161,24 @@ fn new_scenario_is_written_once_and_flies() {
             .code(2);
     }
 }
+
+#[test]
+fn name_of_a_file_without_its_end_is_refused_with_the_files_name() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("my-flight.toml"), "").unwrap();
+    fs::write(folder.path().join("my-field.plan"), "").unwrap();
+    for (arguments, file) in [
+        (&["sim", "my-flight"][..], "my-flight.toml"),
+        (
+            &["sim", "thesis-1", "--set", "mission.file=my-field"],
+            "my-field.plan",
+        ),
+    ] {
+        let run = muster(folder.path()).args(arguments).assert().code(2);
+        let told = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+        assert!(
+            told.contains(&format!("the file here is named {file}")),
+            "{told}"
+        );
+    }
+}

@@ -31,7 +31,7 @@ pub fn page(report: &Report, flight: &Flight) -> String {
     let title = format!("{}, seed {}", report.name(), report.seed);
     let content = html! {
         (head(report))
-        (replay::section())
+        (replay::section(report))
         (sections(report, flight))
         (replay::script(report, flight))
     };

@@ -101,12 +101,12 @@ impl Record {
         reached.collect::<BTreeSet<_>>().len()
     }
 
-    /// Its waits at waypoints, from arrival to departure.
-    pub(crate) fn waits(&self) -> impl Iterator<Item = Duration> + '_ {
-        self.states
-            .windows(2)
-            .filter(|pair| matches!(pair[0].1, State::WaypointReached { .. }))
-            .map(|pair| pair[1].0 - pair[0].0)
+    /// Its stays at waypoints, from arrival to departure, holds included.
+    pub(crate) fn stays(&self) -> impl Iterator<Item = (u16, Duration)> + '_ {
+        self.states.windows(2).filter_map(|pair| match pair[0].1 {
+            State::WaypointReached { waypoint } => Some((waypoint, pair[1].0 - pair[0].0)),
+            _ => None,
+        })
     }
 }
 

@@ -36,7 +36,7 @@ pub(super) fn script_source() -> String {
 }
 
 /// The replay; hidden until its script runs.
-pub(super) fn section() -> Markup {
+pub(super) fn section(report: &Report) -> Markup {
     html! {
         section.replay hidden aria-label="Replay" {
             div.replay-title {
@@ -55,7 +55,7 @@ pub(super) fn section() -> Markup {
                 (side())
             }
             (plots())
-            (legend())
+            (legend(report.swarms().any(|it| !it.relays.is_empty())))
         }
         noscript { p.about { "The replay of this run needs JavaScript. Everything below does not." } }
     }
@@ -155,11 +155,14 @@ fn plots() -> Markup {
     }
 }
 
-fn legend() -> Markup {
+fn legend(has_masts: bool) -> Markup {
     html! {
         ul.legend.replay-legend {
             li { span.replay-key.leader {} "leader" }
             li { span.replay-key {} "relays" }
+            @if has_masts {
+                li { "▲ relay that stands" }
+            }
             li { span.replay-key.member {} "member" }
             li { span.replay-key.dead {} "dead" }
             li { span.replay-key.out {} "landed, off or hanging" }

@@ -156,7 +156,7 @@ class RunRecord {
   groups() {
     const groups = new Map();
     for (const node of this.nodes) {
-      if (node.now.isOut || node.now.condition === STOPPED) continue;
+      if (node.fixed || node.now.isOut || node.now.condition === STOPPED) continue;
       if (!groups.has(node.now.epoch)) groups.set(node.now.epoch, { epoch: node.now.epoch, members: [], leader: null });
       const group = groups.get(node.now.epoch);
       group.members.push(node);
