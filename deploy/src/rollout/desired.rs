@@ -253,4 +253,4 @@ pub fn check_roster(fleet: &Fleet, roster: &Roster) -> Result<(), BadInput> {
 }
 
 #[cfg(test)]
-mod tests;
+pub(super) mod tests;

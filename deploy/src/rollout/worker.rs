@@ -217,20 +217,41 @@ impl Worker<'_> {
     }
 
     fn take_back(&mut self) -> Result<(), String> {
-        let taken = self.ask(&SlotOrder::RollBack, Vec::new());
         let id = self.desired.id();
-        let back = taken.and_then(|_| {
+        let back = self.roll_back(&id).and_then(|()| {
             self.look_until(BACK_MAX, |facts| {
                 facts.good.as_ref() != Some(&id) && is_well(facts)
             })
         });
         match back {
-            Ok(facts) if facts.good.as_ref() == Some(&id) => {
-                Err("there is no release before it".to_owned())
-            }
+            Ok(facts) if facts.good.as_ref() == Some(&id) => Err(match facts.rollback_slot {
+                Some(_) => "the host did not go back".to_owned(),
+                None => "there is no release before it".to_owned(),
+            }),
             Ok(facts) if !is_well(&facts) => Err("the release before is not healthy".to_owned()),
             Ok(_) => Ok(()),
             Err(error) => Err(error.to_string()),
+        }
+    }
+
+    /// Asks for the release before this slot. A lost host is waited for, and looked at before it is asked again: it may have
+    /// gone back without a reply.
+    fn roll_back(&mut self, slot: &String) -> Result<(), SessionError> {
+        let start = Instant::now();
+        loop {
+            let facts = self.look_until(Duration::ZERO, |_| true)?;
+            if facts.good.as_ref() != Some(slot) {
+                return Ok(());
+            }
+            match self.ask(&SlotOrder::RollBack, Vec::new()) {
+                Err(SessionError::Lost(why)) if start.elapsed() <= AWAY_MAX => {
+                    self.report(Report::Away(why));
+                    thread::sleep(PERIOD);
+                }
+                // Without a reply the next looks tell.
+                Ok(_) | Err(SessionError::Lost(_)) => return Ok(()),
+                Err(error) => return Err(error),
+            }
         }
     }
 
@@ -281,3 +302,6 @@ pub(super) fn lock(session: &mut Session, operator: &str) -> Result<(), SessionE
     let operator = operator.to_owned();
     session.ask(&SlotOrder::Lock { operator }).map(drop)
 }
+
+#[cfg(test)]
+mod tests;

@@ -7,7 +7,7 @@ use tempfile::TempDir;
 use super::*;
 
 /// A fleet of one host, with keys for its drones.
-fn bench() -> TempDir {
+pub(in crate::rollout) fn bench() -> TempDir {
     let folder = tempfile::tempdir().unwrap();
     let keys = Keys::create(&folder.path().join("keys")).unwrap();
     for id in 0..5 {
@@ -16,13 +16,9 @@ fn bench() -> TempDir {
     folder
 }
 
-fn desired_of(folder: &TempDir, scenario: &str) -> Result<Vec<Desired>, BadInput> {
-    let path = folder.path().join("fleet.toml");
-    let text = format!(
-        "group = \"239.77.0.1:4700\"\nscenario = {scenario:?}\nkeys = \"keys\"\n[[hosts]]\ndrones = [0, 1, 2, 3, 4]\n"
-    );
-    fs::write(&path, text).unwrap();
-    let release = Release {
+/// A release without programs.
+pub(in crate::rollout) fn release() -> Release {
+    Release {
         manifest: Manifest {
             version: "0.1.0".to_owned(),
             wire: vec![1],
@@ -31,8 +27,19 @@ fn desired_of(folder: &TempDir, scenario: &str) -> Result<Vec<Desired>, BadInput
         },
         manifest_text: String::new(),
         files: BTreeMap::new(),
-    };
-    desired(&Fleet::load(&path)?, &release)
+    }
+}
+
+pub(in crate::rollout) fn desired_of(
+    folder: &TempDir,
+    scenario: &str,
+) -> Result<Vec<Desired>, BadInput> {
+    let path = folder.path().join("fleet.toml");
+    let text = format!(
+        "group = \"239.77.0.1:4700\"\nscenario = {scenario:?}\nkeys = \"keys\"\n[[hosts]]\ndrones = [0, 1, 2, 3, 4]\n"
+    );
+    fs::write(&path, text).unwrap();
+    desired(&Fleet::load(&path)?, &release())
 }
 
 #[test]
