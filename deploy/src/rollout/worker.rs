@@ -43,7 +43,7 @@ pub(super) enum Report {
     Failed(String),
     /// Its drones took off before the release was tried.
     Deferred,
-    /// It was lost or is another operator's, and has not been changed; why, in words.
+    /// It was lost, is another operator's or did not begin the trial, and has not been changed; why, in words.
     Blocked(String),
     /// It runs the release before, or could not; why, in words.
     TakenBack(Result<(), String>),
@@ -151,7 +151,10 @@ impl Worker<'_> {
 
     fn change(&mut self, peers: &BTreeSet<u32>) -> Report {
         let tried = match self.install(peers) {
-            Ok(slot) => self.await_trial(&slot),
+            Ok(slot) => match self.begin_trial(&slot) {
+                Ok(()) => self.await_trial(&slot),
+                Err(error) => return Report::Blocked(error.to_string()),
+            },
             Err(error @ (SessionError::Lost(_) | SessionError::Busy(_))) => {
                 return Report::Blocked(error.to_string());
             }
@@ -160,20 +163,25 @@ impl Worker<'_> {
         tried.unwrap_or_else(|error| Report::Failed(error.to_string()))
     }
 
-    /// Installs the release and lets the host try it. Returns the slot.
+    /// Installs the release. Returns the slot.
     fn install(&mut self, peers: &BTreeSet<u32>) -> Result<String, SessionError> {
         let processor = self.session()?.processor.clone();
         let slot = self.desired.slot(self.release, &processor, peers.clone());
         let (incoming, contents) = slot.map_err(|error| SessionError::OtherProcessor(error.0))?;
         self.report(Report::Phase("gets the release"));
-        let slot = match self.ask(&SlotOrder::Install(Box::new(incoming)), contents)? {
-            SlotReply::Installed { slot } => slot,
-            other => return Err(SessionError::Refused(format!("unexpected reply {other:?}"))),
-        };
+        match self.ask(&SlotOrder::Install(Box::new(incoming)), contents)? {
+            SlotReply::Installed { slot } => Ok(slot),
+            other => Err(SessionError::Refused(format!("unexpected reply {other:?}"))),
+        }
+    }
+
+    /// Lets the host try a slot. It refuses if a drone that was started by hand may be in flight, and has not changed then.
+    fn begin_trial(&mut self, slot: &str) -> Result<(), SessionError> {
         self.report(Report::Phase("is on trial"));
+        let slot = slot.to_owned();
         // Without a reply the trial may have begun, and the host says how it ends.
-        match self.ask(&SlotOrder::Try { slot: slot.clone() }, Vec::new()) {
-            Ok(_) | Err(SessionError::Lost(_)) => Ok(slot),
+        match self.ask(&SlotOrder::Try { slot }, Vec::new()) {
+            Ok(_) | Err(SessionError::Lost(_)) => Ok(()),
             Err(error) => Err(error),
         }
     }

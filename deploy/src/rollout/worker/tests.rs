@@ -54,23 +54,33 @@ impl Bench {
         self.write(name, &serde_json::to_string(reply).unwrap());
     }
 
-    /// Takes the host back. Returns how that ended, and how often the host was reported as away.
-    fn take_back(&self) -> (Result<(), String>, usize) {
+    /// Lets a worker do something. Returns what comes of it, and what it reported.
+    fn work<T>(
+        &self,
+        release: &Release,
+        job: impl FnOnce(&mut Worker<'_>) -> T,
+    ) -> (T, Vec<Report>) {
         let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/rollout/worker/host");
         let words = [Path::new("sh"), &script, self.folder.path()];
         let (reports, reported) = channel();
         let mut worker = Worker {
             run: &words.map(|word| word.display().to_string()),
-            release: &release(),
+            release,
             desired: &self.desired,
             operator: "test",
             session: None,
             reports,
             host: 0,
         };
-        let taken = worker.take_back();
+        let done = job(&mut worker);
         drop(worker);
-        let away = reported.iter().filter(|it| matches!(it.1, Report::Away(_)));
+        (done, reported.iter().map(|(_, report)| report).collect())
+    }
+
+    /// Takes the host back. Returns how that ended, and how often the host was reported as away.
+    fn take_back(&self) -> (Result<(), String>, usize) {
+        let (taken, reports) = self.work(&release(), |worker| worker.take_back());
+        let away = reports.iter().filter(|it| matches!(it, Report::Away(_)));
         (taken, away.count())
     }
 
@@ -102,4 +112,23 @@ fn host_that_went_back_without_a_reply_is_not_asked_again() {
     bench.write("lost", "after");
     assert_eq!(bench.take_back(), (Ok(()), 1));
     assert_eq!(bench.rollbacks(), 1);
+}
+
+#[test]
+fn host_that_refuses_the_trial_is_left_out_and_says_why() {
+    let bench = Bench::new();
+    bench.write_reply("tried", &SlotReply::Refused("drone 0 flies".to_owned()));
+    let mut release = release();
+    for name in [
+        "/musterd",
+        "units/musterd@.service",
+        "units/muster-slots.service",
+    ] {
+        release.files.insert(name.to_owned(), b"content\n".to_vec());
+    }
+    let (report, _) = bench.work(&release, |worker| worker.change(&BTreeSet::new()));
+    assert!(
+        matches!(&report, Report::Blocked(why) if why == "drone 0 flies"),
+        "{report:?}"
+    );
 }

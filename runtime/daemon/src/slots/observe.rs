@@ -113,7 +113,7 @@ fn drone(
 ) -> io::Result<DroneFacts> {
     let unit = host.systemd.look(&service(id))?;
     let answer = ask(address);
-    let flight = Flight::of(&host.disk.drone_file(slot, id));
+    let flight = flight(host, slot, id, &unit)?;
     let health = health(&unit, answer.as_ref(), flight, before);
     let in_flight = takes_part(&unit, answer.as_ref(), flight);
     let answer = answer.unwrap_or_default();
@@ -124,6 +124,30 @@ fn drone(
         dropped: answer.frames.dropped.values().sum(),
         restarts: unit.restarts(),
     })
+}
+
+/// What a drone's journal says of its flight. Ongoing if no slot's program runs it: that one may have another journal.
+fn flight(host: &Host, slot: &str, id: u32, unit: &Unit) -> io::Result<Flight> {
+    if is_of_slot(host, unit)? {
+        return Ok(Flight::of(&host.disk.drone_file(slot, id)));
+    }
+    Ok(Flight::Ongoing)
+}
+
+/// Whether a drone's service runs the program of a slot, also of one that was removed since.
+fn is_of_slot(host: &Host, unit: &Unit) -> io::Result<bool> {
+    let program = unit
+        .process()
+        .map(|it| fs::read_link(format!("/proc/{it}/exe")));
+    match program {
+        Some(Ok(program)) => {
+            let slots = fs::canonicalize(host.disk.home().join("slots"))?;
+            Ok(program.starts_with(slots))
+        }
+        Some(Err(error)) if error.kind() != io::ErrorKind::NotFound => Ok(false),
+        // Without a process: the next one is the running slot's.
+        _ => Ok(host.disk.slots()?.current.is_some()),
+    }
 }
 
 /// Whether a drone is armed or takes part in a flight. For one that runs and does not answer, its journal tells.
@@ -140,7 +164,7 @@ pub(super) fn is_in_flight(
     (id, address): (u32, SocketAddr),
 ) -> io::Result<bool> {
     let unit = host.systemd.look(&service(id))?;
-    let flight = Flight::of(&host.disk.drone_file(slot, id));
+    let flight = flight(host, slot, id, &unit)?;
     Ok(takes_part(&unit, ask(address).as_ref(), flight))
 }
 

@@ -158,7 +158,7 @@ impl Session<'_> {
                 return Ok(SlotReply::Findings(findings));
             }
             SlotOrder::ConfirmFix => audit::confirm()?,
-            SlotOrder::Try { slot } => trial::start(&self.host.disk, &slot)?,
+            SlotOrder::Try { slot } => trial::start(self.host, &slot)?,
             SlotOrder::RollBack => trial::roll_back(self.host)?,
             SlotOrder::Recall { drone } => {
                 let service = service(drone);

@@ -7,7 +7,6 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use super::Host;
-use super::disk::Disk;
 use super::facts::SlotFacts;
 use super::gate::{DroneHealth, Gate, Verdict};
 use super::machine::{Goal, SlotId, SlotLink, Slots};
@@ -22,7 +21,12 @@ const LOCK: &str = "trial.lock";
 
 /// Starts the trial of a slot as a service. The good slot's program runs it and goes back if anything ends it, so that a
 /// broken release judges itself only where there is no other.
-pub(super) fn start(disk: &Disk, slot: &SlotId) -> io::Result<()> {
+///
+/// # Errors
+/// If systemd refuses, or a drone that only this slot has may be in flight.
+pub(super) fn start(host: &Host, slot: &SlotId) -> io::Result<()> {
+    look_at_new_drones(host, slot)?;
+    let disk = &host.disk;
     let slots = disk.slots()?;
     let keeper = match slots.good {
         Some(_) => disk.link(SlotLink::Good),
@@ -45,11 +49,39 @@ pub(super) fn start(disk: &Disk, slot: &SlotId) -> io::Result<()> {
     Err(io::Error::other(format!("systemd-run: {}", why.trim())))
 }
 
+/// Looks at the drones that a slot has and the running one has not. They may have been started by hand.
+///
+/// # Errors
+/// If one of them may be in flight.
+fn look_at_new_drones(host: &Host, slot: &SlotId) -> io::Result<()> {
+    let slots = host.disk.slots()?;
+    if !slots.complete.contains(slot) {
+        return Ok(());
+    }
+    let running = slots.current.map(|it| host.disk.facts(&it)).transpose()?;
+    let mut drones = host.disk.facts(slot)?.drones;
+    drones.retain(|id, _| {
+        !running
+            .as_ref()
+            .is_some_and(|it| it.drones.contains_key(id))
+    });
+    for (id, address) in drones {
+        if observe::is_in_flight(host, slot, (id, address))? {
+            let why = format!(
+                "drone {id} runs already and may be in flight; once it has landed, stop it on the host: systemctl stop {}",
+                service(id)
+            );
+            return Err(io::Error::other(why));
+        }
+    }
+    Ok(())
+}
+
 /// Tries a slot until it has proven itself. Otherwise notes why it has not; [`settle`] then goes back. While a drone takes part
 /// in a flight, nothing is tried and nothing is noted.
 ///
 /// # Errors
-/// If the disk or systemd refuses.
+/// If the disk or systemd refuses, or a drone that only this slot has may be in flight.
 pub(super) fn run(host: &Host, slot: &SlotId) -> io::Result<bool> {
     let disk = &host.disk;
     let Some(_lock) = disk.try_lock(LOCK)? else {
@@ -62,6 +94,7 @@ pub(super) fn run(host: &Host, slot: &SlotId) -> io::Result<bool> {
     {
         return Ok(false);
     }
+    look_at_new_drones(host, slot)?;
     let slots = disk.reach(&Goal::Try(slot.clone()))?;
     if slots.current.as_ref() != Some(slot) {
         disk.set_failure(slot, "the slot is not there")?;

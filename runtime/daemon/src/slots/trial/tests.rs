@@ -1,7 +1,7 @@
 use std::collections::BTreeSet;
 use std::fs;
 use std::io::{Read, Write};
-use std::net::{Ipv4Addr, TcpListener};
+use std::net::{IpAddr, Ipv4Addr, TcpListener};
 use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::sync::Arc;
@@ -10,6 +10,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use muster_machines::mission::State;
 use tempfile::TempDir;
 
+use super::super::disk::Disk;
 use super::super::flight::tests::fly;
 use super::super::gate::GateLimits;
 use super::super::systemd::Systemd;
@@ -24,8 +25,8 @@ struct Bench {
 }
 
 impl Bench {
-    /// A host with the good slot `a`, which has these drones.
-    fn with_good(drones: &[u32]) -> Self {
+    /// A host without a slot.
+    fn empty() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let systemctl = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/slots/trial/systemctl");
         let program = folder.path().join("systemctl");
@@ -33,7 +34,7 @@ impl Bench {
         let disk = Disk::at(&folder.path().join("host"));
         disk.create().unwrap();
         let in_flight = Arc::new(AtomicBool::new(false));
-        let bench = Self {
+        Self {
             host: Host {
                 disk,
                 systemd: Systemd { program },
@@ -41,7 +42,12 @@ impl Bench {
             address: answer(Arc::clone(&in_flight)),
             in_flight,
             folder,
-        };
+        }
+    }
+
+    /// A host with the good slot `a`, which has these drones.
+    fn with_good(drones: &[u32]) -> Self {
+        let bench = Self::empty();
         bench.install("a", drones);
         assert!(bench.try_slot("a"), "{:?}", bench.host.disk.failure());
         let _ = fs::remove_file(bench.folder.path().join("log"));
@@ -90,6 +96,36 @@ impl Bench {
         fs::read_to_string(self.folder.path().join("log")).unwrap_or_default()
     }
 
+    /// A service that runs, with a process of no slot unless it is another one.
+    fn set_running(&self, drone: u32, process: u32) {
+        let name = format!("unit-{}", service(drone));
+        let text = format!("ActiveState=active\nMainPID={process}\n");
+        fs::write(self.folder.path().join(name), text).unwrap();
+    }
+
+    fn end(&self, drone: u32) {
+        let name = format!("unit-{}", service(drone));
+        fs::remove_file(self.folder.path().join(name)).unwrap();
+    }
+
+    /// Tries a slot that may not be tried.
+    #[track_caller]
+    fn assert_refuses(&self, slot: &str, drone: u32) {
+        let before = self.host.disk.slots().unwrap().current;
+        let refused = run(&self.host, &slot.to_owned()).unwrap_err().to_string();
+        let expected = format!(
+            "drone {drone} runs already and may be in flight; once it has landed, stop it on the host: systemctl stop {}",
+            service(drone)
+        );
+        assert_eq!(refused, expected);
+        assert_eq!(
+            start(&self.host, &slot.to_owned()).unwrap_err().to_string(),
+            expected
+        );
+        assert_eq!(self.host.disk.slots().unwrap().current, before);
+        assert_eq!(self.log(), "", "systemd is asked for nothing");
+    }
+
     /// Lets systemd refuse orders that fit a pattern.
     fn refuse(&self, pattern: &str) {
         fs::write(self.folder.path().join("refused"), pattern).unwrap();
@@ -115,6 +151,9 @@ impl Bench {
         );
     }
 }
+
+/// Where nobody listens.
+const NOBODY: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 1);
 
 /// Answers as drones do.
 fn answer(in_flight: Arc<AtomicBool>) -> SocketAddr {
@@ -273,8 +312,7 @@ fn nothing_is_tried_or_taken_back_while_a_drone_is_in_flight() {
 #[test]
 fn drone_in_flight_that_does_not_answer_is_not_killed() {
     let mut bench = Bench::with_good(&[0]);
-    // Nobody listens there.
-    bench.address = SocketAddr::from((Ipv4Addr::LOCALHOST, 1));
+    bench.address = NOBODY;
     bench.install("b", &[0]);
     bench.host.disk.reach(&Goal::Try("b".to_owned())).unwrap();
     fly(
@@ -291,4 +329,69 @@ fn drone_in_flight_that_does_not_answer_is_not_killed() {
         State::Finished,
     );
     assert!(kill_unless_in_flight(&bench.host, "b", drone).unwrap());
+}
+
+#[test]
+fn first_slot_is_not_tried_while_a_drone_started_by_hand_may_be_in_flight() {
+    let mut bench = Bench::empty();
+    let answering = bench.address;
+    bench.address = NOBODY;
+    bench.install("a", &[0]);
+    // The test's own program, and none: systemd starts it again.
+    for process in [std::process::id(), 0] {
+        bench.set_running(0, process);
+        bench.assert_refuses("a", 0);
+    }
+    bench.address = answering;
+    bench.install("b", &[0]);
+    bench.in_flight.store(true, Ordering::Relaxed);
+    bench.assert_refuses("b", 0);
+    bench.in_flight.store(false, Ordering::Relaxed);
+    assert!(bench.try_slot("b"), "it has said that it is not in flight");
+    bench.assert_runs("b");
+}
+
+#[test]
+fn first_slot_is_tried_once_the_drone_started_by_hand_has_ended() {
+    let bench = Bench::empty();
+    bench.install("a", &[0]);
+    bench.set_running(0, std::process::id());
+    bench.in_flight.store(true, Ordering::Relaxed);
+    bench.assert_refuses("a", 0);
+    bench.in_flight.store(false, Ordering::Relaxed);
+    bench.end(0);
+    assert!(bench.try_slot("a"));
+    bench.assert_runs("a");
+}
+
+#[test]
+fn slot_with_another_drone_is_not_tried_while_that_one_runs_by_hand() {
+    let mut bench = Bench::with_good(&[0]);
+    bench.address = NOBODY;
+    bench.install("b", &[0, 1]);
+    bench.set_running(1, std::process::id());
+    bench.assert_refuses("b", 1);
+}
+
+#[test]
+fn silent_drone_of_a_slot_is_judged_by_its_journal_and_another_is_not_killed() {
+    let mut bench = Bench::with_good(&[0]);
+    bench.address = NOBODY;
+    bench.install("b", &[0]);
+    let slot = bench.host.disk.slot("b");
+    fly(&slot.join("config"), 0, State::Finished);
+    bench.set_running(0, std::process::id());
+    let drone = (0, bench.address);
+    assert!(!kill_unless_in_flight(&bench.host, "b", drone).unwrap());
+    assert_eq!(bench.log(), "");
+    let program = slot.join("musterd");
+    let copy = "cp \"$(command -v sleep)\" \"$0\"";
+    let copied = Command::new("sh").args(["-c", copy]).arg(&program).status();
+    assert!(copied.unwrap().success());
+    let mut process = Command::new(&program).arg("60").spawn().unwrap();
+    bench.set_running(0, process.id());
+    let was_killed = kill_unless_in_flight(&bench.host, "b", drone);
+    process.kill().unwrap();
+    process.wait().unwrap();
+    assert!(was_killed.unwrap());
 }
