@@ -35,8 +35,9 @@ pub(super) fn check_apart(source: &Source, raw: &Raw, scenario: &Scenario) -> Re
     };
     let message = format!(
         "{} can't reach the master, not even over other drones. They would follow a master of their own, and there is no room \
-         for one altitude layer per drone: they may come too near the others. Raise `limits.altitude_max_m` or \
-         `radio.range_m`, set `protocol.succession = \"land\"`, or list \"apart\" in `limits.accept`",
+         for one altitude layer per drone below the ceiling and within the range: they may come too near the others. Raise \
+         `radio.range_m` or lower `formation.spacing_m` so that they can, raise `limits.altitude_max_m`, set \
+         `protocol.succession = \"land\"`, or list \"apart\" in `limits.accept`",
         drones(&apart),
     );
     let span = raw.limits.altitude_max_m.span();
@@ -298,8 +299,8 @@ fn table(rows: &[Row]) -> Vec<String> {
         "phase",
         "closest over ground / in height",
         "layers",
-        "out of reach",
-        "exposed drones",
+        "number out of reach",
+        "number exposed",
     ]);
     let is_leg = |row: &Row| matches!(row.kind, PhaseKind::Leg { .. });
     let alike = rows.chunk_by(|a, b| is_leg(a) && is_leg(b) && a.cells == b.cells);

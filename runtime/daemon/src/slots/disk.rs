@@ -223,13 +223,21 @@ impl Disk {
         Lock::of(&file)
     }
 
-    /// Copies a slot's unit to systemd's folder, or removes it there. Returns whether that changed anything.
+    /// Copies a slot's unit to systemd's folder, or removes it there, if it is a slot's. Returns whether that changed anything.
     pub(super) fn set_unit(&self, name: &str, slot: Option<&str>) -> io::Result<bool> {
         let unit = self.unit(name);
         let is = fs::read(&unit).ok();
         let Some(slot) = slot else {
-            remove_if_there(&unit)?;
-            return Ok(is.is_some());
+            // One that is of no slot was put there by hand.
+            let slots = self.slots()?.complete;
+            let of_slots = slots
+                .iter()
+                .filter_map(|it| fs::read(self.slot(it).join(name)).ok());
+            let is_of_a_slot = of_slots.into_iter().any(|it| is.as_ref() == Some(&it));
+            if is_of_a_slot {
+                remove_if_there(&unit)?;
+            }
+            return Ok(is_of_a_slot);
         };
         let should = fs::read(self.slot(slot).join(name))?;
         if is.as_ref() == Some(&should) {

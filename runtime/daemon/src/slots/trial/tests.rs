@@ -395,3 +395,16 @@ fn silent_drone_of_a_slot_is_judged_by_its_journal_and_another_is_not_killed() {
     process.wait().unwrap();
     assert!(was_killed.unwrap());
 }
+
+#[test]
+fn unit_that_was_put_on_a_host_by_hand_stays_until_a_slot_runs() {
+    let bench = Bench::empty();
+    let unit = bench.host.disk.unit(DRONES);
+    fs::create_dir_all(unit.parent().unwrap()).unwrap();
+    fs::write(&unit, "by hand").unwrap();
+    settle(&bench.host).unwrap();
+    assert_eq!(fs::read_to_string(&unit).unwrap(), "by hand");
+    bench.install("a", &[0]);
+    assert!(bench.try_slot("a"));
+    assert_ne!(fs::read_to_string(&unit).unwrap(), "by hand");
+}
