@@ -71,7 +71,7 @@ fn messages(counts: [u64; 2], at_least: bool) -> [String; 2] {
 }
 
 impl Barrier {
-    /// Barrier wait: seconds from the last arrival to the last departure.
+    /// Barrier wait: seconds from the last arrival to the last departure, without the hold.
     #[must_use]
     pub fn wait_s(&self) -> f64 {
         self.moving_s - self.arrived_s - self.hold_s

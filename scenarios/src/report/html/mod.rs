@@ -210,8 +210,8 @@ fn swarm_sections(report: &Report, flight: &Flight) -> Markup {
         section {
             h2 { "Barriers" }
             p.about {
-                "Barrier wait: from the last arrival to the last departure. Transmissions: frames of all drones from the first "
-                "arrival to the last departure, without keep-alives. Waypoint 0 is the end of the take-off."
+                "Barrier wait: from the last arrival to the last departure, without planned holds. Transmissions: frames of all "
+                "drones from the first arrival to the last departure, without keep-alives. Waypoint 0 is the end of the take-off."
             }
             (tables::barriers(report))
         }
