@@ -1,3 +1,4 @@
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
@@ -69,8 +70,10 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         }
         Action::Drone(drones) => {
             let fleet = Fleet::open(&drones.folder)?;
-            for id in &drones.ids {
-                let path = fleet.add_drone(NodeId(*id))?;
+            let ids: BTreeSet<_> = drones.ids.iter().copied().map(NodeId).collect();
+            fleet.check_new(&ids)?;
+            for id in ids {
+                let path = fleet.add_drone(id)?;
                 terminal::print(&format!(
                     "created {}; copy it to drone {id} only\n",
                     path.display()

@@ -51,7 +51,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
 
 fn new_scenario(name: &Path) -> Result<Outcome, Failure> {
     let stem = name.file_name().unwrap_or_default().to_string_lossy();
+    let is_folder = name.as_os_str().as_encoded_bytes().ends_with(b"/");
     if stem.is_empty()
+        || is_folder
         || !stem
             .chars()
             .all(|c| c.is_alphanumeric() || "-_".contains(c))

@@ -32,3 +32,17 @@ fn key_that_a_full_disk_had_no_space_for_can_be_created_later() {
         assert_eq!(created.status.code(), Some(0), "{created:?}");
     }
 }
+
+#[test]
+fn no_drone_gets_a_key_if_one_of_them_has_one() {
+    let home = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| muster(home.path(), arguments).status.code();
+    assert_eq!(run(&["keys", "fleet", "fleet"]), Some(0));
+    assert_eq!(run(&["keys", "drone", "fleet", "0"]), Some(0));
+    let roster = || std::fs::read(home.path().join("fleet/roster.toml")).unwrap();
+    let before = roster();
+    assert_eq!(run(&["keys", "drone", "fleet", "8", "0"]), Some(2));
+    assert!(!home.path().join("fleet/drone-8.key").exists());
+    assert_eq!(roster(), before);
+    assert_eq!(run(&["keys", "drone", "fleet", "8", "8"]), Some(0));
+}

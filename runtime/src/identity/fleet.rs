@@ -1,5 +1,6 @@
 //! The operator's folder of a fleet: its keys and signed lists.
 
+use std::collections::BTreeSet;
 use std::fs::{DirBuilder, File};
 use std::io;
 use std::os::unix::fs::DirBuilderExt;
@@ -99,13 +100,31 @@ impl Fleet {
         })
     }
 
+    /// Refuses drones that [`Self::add_drone`] would refuse, so that none of several is added.
+    ///
+    /// # Errors
+    /// If one is in the roster or has a key file already, or the roster can't be used.
+    pub fn check_new(&self, ids: &BTreeSet<NodeId>) -> Result<(), KeysError> {
+        let roster = Roster::load(&self.folder.join("roster.toml"), &self.public())?;
+        let paths = ids.iter().map(|id| (*id, self.key_path(*id)));
+        let mut known = paths.filter(|(id, path)| roster.key(*id).is_some() || path.exists());
+        match known.next() {
+            Some((_, path)) => Err(key_exists(&path).into()),
+            None => Ok(()),
+        }
+    }
+
+    fn key_path(&self, id: NodeId) -> PathBuf {
+        self.folder.join(format!("drone-{id}.key"))
+    }
+
     /// Creates a drone's key and adds the drone to the roster. Returns the path of the key file.
     ///
     /// # Errors
     /// If the drone is in the roster or has a key file already, or the folder's files can't be used or written.
     pub fn add_drone(&self, id: NodeId) -> Result<PathBuf, KeysError> {
         let mut roster = Roster::load(&self.folder.join("roster.toml"), &self.public())?;
-        let path = self.folder.join(format!("drone-{id}.key"));
+        let path = self.key_path(id);
         if roster.key(id).is_some() {
             return Err(key_exists(&path).into());
         }

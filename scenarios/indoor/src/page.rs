@@ -154,6 +154,9 @@ fn failures(campaign: &Campaign) -> Markup {
     }
 }
 
+/// How near a drone comes to a stop from which it looks round, in metres.
+const AT_STOP_M: f64 = 0.5;
+
 /// The share that a patrol saw, marked if it is too little.
 fn seen(share: f64) -> Markup {
     let percent = rounded_down(100.0 * share, 2);
@@ -181,6 +184,9 @@ fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
         .unseen_targets
         .iter()
         .map(|target| targets.centre(*target));
+    let was_there = |stop: MapXy| track.iter().any(|at| at.distance_m(stop) < AT_STOP_M);
+    let stops = &prepared.config.stops;
+    let has_left_out = !stops.iter().all(|stop| was_there(*stop));
     html! {
         section {
             h2 { "Seed " (seed) }
@@ -194,12 +200,15 @@ fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
                 @for walk in walks { (drawing.line(&walk, "walk")) }
                 (drawing.line(&believed, "believed"))
                 (drawing.line(&track, "path s0"))
-                @for (number, stop) in (1..).zip(&prepared.config.stops) { (drawing.stop(*stop, number, 0)) }
+                @for (number, stop) in (1..).zip(stops) {
+                    g.left-out[!was_there(*stop)] { (drawing.stop(*stop, number, 0)) }
+                }
                 @for touch in touches { (drawing.dot(touch.place, 7.0, "touch")) }
                 (drawing.ends(&track))
             }))
             ul.legend {
-                li { span.chip.s0 {} "drone" }
+                li { span.chip.s0 {} "drone, and its stops in order" }
+                @if has_left_out { li { span.chip.s0.left-out {} "stop that was left out: what it is for had been seen, or it was given up" } }
                 li { span.chip.believed {} "where it took itself to be" }
                 li { span.chip.walk {} "people" }
                 li { span.chip.unseen {} "not seen" }

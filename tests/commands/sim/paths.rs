@@ -154,7 +154,8 @@ fn new_scenario_is_written_once_and_flies() {
         .success();
     let killed = String::from_utf8_lossy(&killed.get_output().stdout).into_owned();
     assert!(killed.contains(" election "), "{killed}");
-    for bad in ["a.b", "", "no-such-folder/x"] {
+    fs::create_dir(folder.path().join("d")).unwrap();
+    for bad in ["a.b", "", "no-such-folder/x", "d/"] {
         muster(folder.path())
             .args(["new", "scenario", bad])
             .assert()
