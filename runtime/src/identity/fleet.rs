@@ -106,16 +106,17 @@ impl Fleet {
     /// If one is in the roster or has a key file already, or the roster can't be used.
     pub fn check_new(&self, ids: &BTreeSet<NodeId>) -> Result<(), KeysError> {
         let roster = Roster::load(&self.folder.join("roster.toml"), &self.public())?;
-        let paths = ids.iter().map(|id| (*id, self.key_path(*id)));
-        let mut known = paths.filter(|(id, path)| roster.key(*id).is_some() || path.exists());
-        match known.next() {
-            Some((_, path)) => Err(key_exists(&path).into()),
-            None => Ok(()),
-        }
+        ids.iter()
+            .try_for_each(|id| self.new_key_path(&roster, *id).map(drop))
     }
 
-    fn key_path(&self, id: NodeId) -> PathBuf {
-        self.folder.join(format!("drone-{id}.key"))
+    /// Path of the key file of a drone that has none yet.
+    fn new_key_path(&self, roster: &Roster, id: NodeId) -> Result<PathBuf, KeysError> {
+        let path = self.folder.join(format!("drone-{id}.key"));
+        if roster.key(id).is_some() || path.exists() {
+            return Err(key_exists(&path).into());
+        }
+        Ok(path)
     }
 
     /// Creates a drone's key and adds the drone to the roster. Returns the path of the key file.
@@ -124,10 +125,7 @@ impl Fleet {
     /// If the drone is in the roster or has a key file already, or the folder's files can't be used or written.
     pub fn add_drone(&self, id: NodeId) -> Result<PathBuf, KeysError> {
         let mut roster = Roster::load(&self.folder.join("roster.toml"), &self.public())?;
-        let path = self.key_path(id);
-        if roster.key(id).is_some() {
-            return Err(key_exists(&path).into());
-        }
+        let path = self.new_key_path(&roster, id)?;
         let key = generate_key()?;
         write_secret(&path, &key)?;
         roster.add(id, key.verifying_key());

@@ -49,14 +49,14 @@ pub(super) fn closest(report: &Report, flight: &Flight) -> Closest {
                 .iter()
                 .filter_map(|(id, drone)| Some((*id, place(drone, at)?))),
         );
+        let nearest = nearest(&mut flying);
         let passed = flying.iter().flat_map(|(drone, place)| {
             relays
                 .iter()
                 .map(|(relay, at)| (place.distance_m(*at), *drone, *relay))
         });
-        let passed = passed.min_by(|(a_m, ..), (b_m, ..)| a_m.total_cmp(b_m));
-        let pair = nearest(&mut flying).into_iter().chain(passed);
-        pairs.push(pair.min_by(|(a_m, ..), (b_m, ..)| a_m.total_cmp(b_m)));
+        let found = nearest.into_iter().chain(passed);
+        pairs.push(found.min_by(|(a_m, ..), (b_m, ..)| a_m.total_cmp(b_m)));
     }
     Closest { step_s, pairs }
 }

@@ -120,10 +120,8 @@ fn find<'a>(
         Some(path) => Ok(Cow::Owned(Path::new(FOLDER).join(path))),
         None => {
             let all = || FILES.iter().map(|(path, _)| *path);
-            let here = SUFFIXES.iter().map(|suffix| format!("{name}.{suffix}"));
-            let here = here
-                .into_iter()
-                .find(|file| is_one(file) && Path::new(file).is_file());
+            let mut here = SUFFIXES.iter().map(|suffix| format!("{name}.{suffix}"));
+            let here = here.find(|file| is_one(file) && Path::new(file).is_file());
             let suggestion = match (all().find(|path| stem(path) == name), here) {
                 (_, Some(file)) => format!("; the file here is named {file}"),
                 (Some(path), None) if is_scenario(path) => "; a scenario has it".to_owned(),

@@ -230,10 +230,10 @@ impl Disk {
         let Some(slot) = slot else {
             // One that is of no slot was put there by hand.
             let slots = self.slots()?.complete;
-            let of_slots = slots
+            let mut of_slots = slots
                 .iter()
                 .filter_map(|it| fs::read(self.slot(it).join(name)).ok());
-            let is_of_a_slot = of_slots.into_iter().any(|it| is.as_ref() == Some(&it));
+            let is_of_a_slot = of_slots.any(|it| is.as_ref() == Some(&it));
             if is_of_a_slot {
                 remove_if_there(&unit)?;
             }
