@@ -25,11 +25,13 @@ pub fn figure(value: f64, decimals: usize) -> String {
 #[must_use]
 pub fn rounded_down(value: f64, decimals: usize) -> String {
     let nearest = format!("{value:.decimals$}");
-    if nearest.parse().is_ok_and(|nearest: f64| nearest <= value) {
-        return nearest;
+    match nearest.parse::<f64>() {
+        Ok(above) if above > value => {
+            let digit = 10_f64.powi(-i32::try_from(decimals).unwrap_or(i32::MAX));
+            format!("{:.decimals$}", above - digit)
+        }
+        _ => nearest,
     }
-    let digit = 10_f64.powi(-i32::try_from(decimals).unwrap_or(i32::MAX));
-    format!("{:.decimals$}", value - digit)
 }
 
 /// `value` rounded up to `decimals` digits, so that a value above a limit is not shown as the limit.

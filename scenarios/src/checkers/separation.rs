@@ -205,7 +205,21 @@ impl Approach {
                 return None;
             }
             let t = self.closest_within((cut[0], cut[1]), Vector3::new(1.0, 1.0, 0.0));
-            (self.at(t).xy().norm() < separation.horizontal_m).then_some(t)
+            if self.at(t).xy().norm() >= separation.horizontal_m {
+                return None;
+            }
+            // At a cut the vertical distance is the minimum. The next instant with both below is the one to show.
+            let later = (0..=20)
+                .rev()
+                .map(|halvings| t + (middle - t) / f64::from(1 << halvings));
+            let is_violated = |t: &f64| {
+                let apart = self.at(*t);
+                apart.z.abs() < vertical_m && apart.xy().norm() < separation.horizontal_m
+            };
+            std::iter::once(t)
+                .chain(later)
+                .find(is_violated)
+                .or(Some(t))
         })
     }
 

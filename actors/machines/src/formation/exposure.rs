@@ -131,7 +131,8 @@ impl FlightPlan<'_> {
             let found = Exposure::ALL.map(|exposure| {
                 let nearness = match exposure {
                     Exposure::Late => between(&in_lockstep, &in_lockstep),
-                    Exposure::Apart => between(&alone, &in_lockstep),
+                    Exposure::Apart => between(&alone, &in_lockstep)
+                        .merge(between(&self.landings_elsewhere(&phase), &in_lockstep)),
                     Exposure::Descends => between(&all_descending, &in_lockstep),
                     Exposure::Killed => {
                         between(&descending, &in_lockstep).merge(between(&all_descending, &alone))

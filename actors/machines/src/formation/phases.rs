@@ -273,6 +273,32 @@ impl<'a> FlightPlan<'a> {
             }
         }
     }
+
+    /// Columns over the landing places of drones that land with a part of the swarm around an earlier waypoint, while the
+    /// others land around the last.
+    pub(super) fn landings_elsewhere(self, phase: &Phase) -> Vec<(NodeId, Tube)> {
+        let layout = self.layout_after(phase.changes);
+        let is_last = matches!(phase.kind, PhaseKind::Land { .. });
+        if !is_last || layout.lands_below_slot() {
+            return Vec::new();
+        }
+        let last = self.waypoints[phase.waypoint];
+        let drones = (0..layout.formation().drones()).map(NodeId);
+        let farthest_m = (drones.clone())
+            .map(|id| layout.landing_place(id, Ned::HOME).0.xy().norm())
+            .fold(0.0, f64::max);
+        let reach_m = 2.0 * farthest_m + layout.separation().horizontal_m;
+        let earlier = self.waypoints[..phase.waypoint].iter();
+        let near = earlier.filter(|at| last.horizontal_distance_m(**at) < reach_m);
+        near.flat_map(|at| {
+            drones.clone().map(|id| {
+                let over = layout.landing_place(id, *at);
+                let over = over.at_altitude(self.altitude_alone_m(id, phase.changes, *at));
+                (id, Tube::from(Path::stationary(over)).extended_to(0.0))
+            })
+        })
+        .collect()
+    }
 }
 
 #[cfg(test)]

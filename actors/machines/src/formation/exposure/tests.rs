@@ -63,6 +63,22 @@ fn drone_in_its_own_layer_is_above_a_slope() {
     assert_eq!(pairs(&of[1], Exposure::Apart), 0);
 }
 
+#[test]
+fn part_that_lands_around_an_earlier_waypoint_comes_near_those_that_land_around_the_last() {
+    // Drawn together, drones of a line along the leg are 10 m apart.
+    for (length_m, pairs_near) in [(20.0, 3), (24.0, 3), (26.0, 2), (60.0, 0)] {
+        let waypoints = [at(0.0, 20.0), at(length_m, 20.0)];
+        let layout = Layout::new(formation(Kind::Linear, 5, 20.0, 0.0), 10.0, SEPARATION);
+        let flown = FlightPlan {
+            layout: &layout,
+            changes: &[],
+            waypoints: &waypoints,
+        };
+        let of = flown.exposures().last().unwrap();
+        assert_eq!(pairs(&of, Exposure::Apart), pairs_near, "{length_m} m");
+    }
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(96))]
     #[test]
