@@ -105,11 +105,12 @@ impl FlightPlan<'_> {
     /// happens in that phase, or earlier if the drone is still descending.
     pub fn exposures(self) -> impl Iterator<Item = Vec<(Exposure, Proximity)>> {
         let separation = self.layout.separation();
+        let landing_places = self.landing_places_alone();
         let mut still_descending: Vec<(NodeId, Tube)> = Vec::new();
         self.phases().map(move |phase| {
             let in_lockstep: Vec<(NodeId, Tube)> =
                 tubes(&phase).map(|(id, path)| (id, path.into())).collect();
-            let alone = self.tubes_alone(&phase);
+            let alone = self.tubes_alone(&phase, &landing_places);
             let descending = in_lockstep
                 .iter()
                 .map(|(id, tube)| (*id, tube.extended_to(0.0)));

@@ -31,13 +31,22 @@ impl FlightPlan<'_> {
         self.landing_centre_among(&self.tracks(), id, changes, centre)
     }
 
-    /// As [`Self::landing_centre`], for each drone.
-    pub(super) fn landing_centres(&self, changes: u16, centre: Ned) -> Vec<Ned> {
+    /// Where each drone lands around the last waypoint that is out of lockstep.
+    ///
+    /// # Panics
+    /// Without a waypoint.
+    #[must_use]
+    pub fn landing_places_alone(self) -> Vec<Ned> {
+        let changes = self.changes_before(self.waypoints.len());
+        let centre = self.waypoints[self.waypoints.len() - 1];
+        let layout = self.layout_after(changes);
+        let drones = (0..layout.formation().drones()).map(NodeId);
+        if !layout.lands_below_slot() {
+            return drones.map(|id| layout.landing_place(id, centre)).collect();
+        }
         let paths = self.tracks();
-        let drones = (0..self.layout.formation().drones()).map(NodeId);
-        drones
-            .map(|id| self.landing_centre_among(&paths, id, changes, centre))
-            .collect()
+        let centre_of = |id| self.landing_centre_among(&paths, id, changes, centre);
+        drones.map(|id| layout.slot(id, centre_of(id))).collect()
     }
 
     fn landing_centre_among(&self, paths: &[Track], id: NodeId, changes: u16, centre: Ned) -> Ned {

@@ -220,10 +220,10 @@ impl<'a> FlightPlan<'a> {
     }
 
     /// Volumes in which drones may be that fall out of lockstep in a phase: between their paths and their own
-    /// altitudes, and down to their landing places in the last phase. On take-off a drone falls out of lockstep only in
-    /// its slot.
+    /// altitudes, and down to their landing places, [`Self::landing_places_alone`], in the last phases. On take-off a drone
+    /// falls out of lockstep only in its slot.
     #[must_use]
-    pub fn tubes_alone(self, phase: &Phase) -> Vec<(NodeId, Tube)> {
+    pub fn tubes_alone(self, phase: &Phase, landing_places: &[Ned]) -> Vec<(NodeId, Tube)> {
         let centre = self.waypoints[phase.waypoint];
         let layout = self.layout_after(phase.changes);
         let drones = (0..layout.formation().drones()).map(NodeId);
@@ -250,15 +250,9 @@ impl<'a> FlightPlan<'a> {
                 .map(|id| stretched(id, phase.paths[id.0 as usize][0]))
                 .collect(),
             PhaseKind::Land { .. } => {
-                let landing_centres = layout
-                    .lands_below_slot()
-                    .then(|| self.landing_centres(phase.changes, centre));
                 let land = |id: NodeId| {
                     let from = phase.paths[id.0 as usize][0].from;
-                    let place = match &landing_centres {
-                        Some(centres) => layout.slot(id, centres[id.0 as usize]),
-                        None => layout.landing_place(id, centre),
-                    };
+                    let place = landing_places[id.0 as usize];
                     let altitude_m = self.altitude_alone_m(id, phase.changes, centre);
                     let [above, over] = [from, place].map(|it| it.at_altitude(altitude_m));
                     let level = Path {

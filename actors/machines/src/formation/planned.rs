@@ -149,30 +149,34 @@ impl PlannedFlight<'_> {
         let relays = self.relays.iter().copied().map(Some);
         let places: Vec<Option<Ned>> = places.chain(relays).collect();
         let master = self.flight.layout.formation().centre().0 as usize;
-        let mut southmost_first: Vec<(f64, usize)> = Vec::with_capacity(places.len());
-        let placed = places.iter().zip(0..);
-        southmost_first.extend(placed.filter_map(|(it, at)| Some((it.as_ref()?.north_m(), at))));
-        southmost_first.sort_unstable_by(|(a, _), (b, _)| a.total_cmp(b));
+        // Drones not reached yet, by squares as wide as the range, so that each drone looks at those near it only.
+        let square =
+            |at: &Ned| [at.north_m(), at.east_m()].map(|m| (m / self.range_m).floor() as i64);
+        let mut left: BTreeMap<[i64; 2], Vec<(usize, Ned)>> = BTreeMap::new();
+        for (id, place) in (0..).zip(&places) {
+            if let Some(place) = place.filter(|_| id != master) {
+                left.entry(square(&place)).or_default().push((id, place));
+            }
+        }
         let mut reached = vec![false; places.len()];
         reached[master] = true;
-        let mut next = vec![master];
+        let mut next: Vec<Ned> = places[master].into_iter().collect();
         while let Some(from) = next.pop() {
-            let Some(place) = places[from] else {
-                continue;
-            };
-            let north_m = place.north_m();
-            let first = southmost_first.partition_point(|(it, _)| *it < north_m - self.range_m);
-            let near = southmost_first[first..].iter();
-            let near = near.take_while(|(it, _)| *it <= north_m + self.range_m);
-            for (_, other) in near {
-                let is_near = places[*other].is_some_and(|other| {
-                    (other - place).0.norm_squared() <= self.range_m * self.range_m
+            let around = |at: i64| at.saturating_sub(1)..=at.saturating_add(1);
+            let [rows, columns] = square(&from).map(around);
+            let squares = rows.flat_map(|row| columns.clone().map(move |column| [row, column]));
+            for near in squares {
+                let Some(left) = left.get_mut(&near) else {
+                    continue;
+                };
+                left.retain(|(id, place)| {
+                    let is_near = (*place - from).0.norm_squared() <= self.range_m * self.range_m;
+                    if is_near {
+                        reached[*id] = true;
+                        next.push(*place);
+                    }
+                    !is_near
                 });
-                let is_new = is_near && !reached[*other];
-                if is_new {
-                    reached[*other] = true;
-                    next.push(*other);
-                }
             }
         }
         reached.truncate(self.flight.layout.formation().drones() as usize);

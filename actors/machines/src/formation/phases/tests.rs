@@ -72,7 +72,7 @@ fn only_legs_are_translations() {
 fn drone_out_of_lockstep_flies_above_all_waypoints_and_lands_below_slot() {
     with_plan(|plan| {
         for phase in plan.phases() {
-            let tubes = plan.tubes_alone(&phase);
+            let tubes = plan.tubes_alone(&phase, &plan.landing_places_alone());
             let own: Vec<_> = tubes.iter().filter(|(id, _)| *id == NodeId(3)).collect();
             let highest_m = own
                 .iter()
