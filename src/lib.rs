@@ -30,13 +30,14 @@ mod simulation;
 
 use std::process::ExitCode;
 
+pub use muster_experiments::campaign::{COMBINATIONS_MAX, Row};
+pub use muster_experiments::output;
 pub use muster_machines::agent;
 pub use muster_machines::geometry::{Ned, Velocity};
 pub use muster_machines::identity::{NodeId, NodeSet};
 pub use muster_machines::time::Timestamp;
 pub use muster_runtime::agents::{AgentFactory, AgentSpec, Agents, ParametersError};
 pub use muster_runtime::failure::with_causes;
-pub use muster_scenarios::campaign::{COMBINATIONS_MAX, Row};
 pub use muster_scenarios::engine::{Engine, Stop};
 pub use muster_scenarios::report;
 pub use muster_scenarios::scenario::Variation;

@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
+use muster_experiments::output::{self, ReportFiles, WriteError};
 use muster_machines::agent::Agent;
 use muster_machines::identity::NodeId;
 use muster_runtime::agents::{AgentFactory, AgentSpec};
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::engine::{self, Engine, RunError, Stop};
-use muster_scenarios::report::{self, Flight, Report, ReportFiles, WriteError};
+use muster_scenarios::report::{Flight, Report};
 use muster_scenarios::scenario::{self, Override, Scenario};
 use thiserror::Error;
 
@@ -263,8 +264,8 @@ impl Run {
     /// Writes `report.html`, `report.json` and `tracks.csv` into a folder.
     ///
     /// # Errors
-    /// The system refuses; see [`report::write`].
+    /// The system refuses; see [`output::write`].
     pub fn write(&self, folder: impl AsRef<Path>) -> Result<ReportFiles, Error> {
-        Ok(report::write(folder.as_ref(), &self.report, &self.flight)?)
+        Ok(output::write(folder.as_ref(), &self.report, &self.flight)?)
     }
 }

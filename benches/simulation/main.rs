@@ -16,8 +16,8 @@ use std::fs;
 use std::path::Path;
 use std::process::Command;
 
+use muster_experiments::output::{Scaling, scaling};
 use muster_scenarios::engine::{self, Engine};
-use muster_scenarios::report::{Scaling, scaling};
 use muster_scenarios::scenario::{self, Override};
 
 /// Argument that measures one scenario in this process.

@@ -7,7 +7,7 @@ use muster_runtime::plan::{FlowSensor, PoseSensor, raw};
 use nalgebra::Vector3;
 
 use crate::scenario::Scenario;
-pub use crate::world::{FaultyController, LOOK_EVERY, Pilot};
+pub use crate::world::{Controllers, FaultyController, LOOK_EVERY, Pilot, PortState};
 
 /// Capacity of a battery that is not to run empty, in mAh: the most that MSP can say.
 const CAPACITY_MAX_MAH: f64 = 60_000.0;

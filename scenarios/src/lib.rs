@@ -1,17 +1,11 @@
-//! Simulation of swarms: scenario files, two engines, vehicles, rule checkers, reports, campaigns, fault searches and the
-//! comparison with the thesis.
+//! Simulation of swarms: scenario files, two engines, vehicles, rule checkers, and the report of a run.
 
-pub mod campaign;
-pub mod chaos;
 mod checkers;
 pub mod controllers;
 pub mod engine;
-pub mod localisation;
 pub mod report;
 pub mod scenario;
 mod segments;
-pub mod thesis;
-pub mod tuning;
 pub mod twin;
 mod world;
 

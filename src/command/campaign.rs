@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use clap::Args;
-use muster_runtime::text::plural;
-use muster_scenarios::campaign::{
+use muster_experiments::campaign::{
     self, Campaign, JOBS_MAX, Published, RUN_LIMIT, Request, RunOptions, Seeds, Shard,
 };
-use muster_scenarios::report;
+use muster_experiments::output;
+use muster_runtime::text::plural;
 use muster_scenarios::scenario::{Override, Variation};
 
 use super::overrides::check_distinct;
@@ -183,7 +183,7 @@ fn default_folder(scenario: &Path, campaign: &Campaign) -> PathBuf {
         format!("campaign-{}-of-{}", shard.index(), shard.of())
     };
     let folder = folder::default_for(scenario, suffix);
-    report::numbered(&folder, |folder| campaign.can_use(folder))
+    output::numbered(&folder, |folder| campaign.can_use(folder))
 }
 
 fn print(published: &Published) -> io::Result<()> {

@@ -5,9 +5,9 @@ use std::time::Duration;
 
 use clap::Args;
 use indicatif::ProgressBar;
-use muster_scenarios::campaign::{RunOptions, Seeds};
-use muster_scenarios::chaos::{self, Progress, RUN_LIMIT, Request, Search, SearchResult};
-use muster_scenarios::report;
+use muster_experiments::campaign::{RunOptions, Seeds};
+use muster_experiments::chaos::{self, Progress, RUN_LIMIT, Request, Search, SearchResult};
+use muster_experiments::output;
 use muster_scenarios::scenario::Override;
 
 use super::campaign::{jobs, run_limit};
@@ -65,7 +65,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let out = arguments.out.clone().unwrap_or_else(|| {
         let suffix = format!("chaos-{}", arguments.seeds.at(0));
         let folder = folder::default_for(&arguments.scenario, suffix);
-        report::numbered(&folder, |folder| search.is_in(folder))
+        output::numbered(&folder, |folder| search.is_in(folder))
     });
     folder::check_writable(&out)?;
     let jobs = arguments

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use muster_runtime::diagnostic::BadInput;
 
-/// The default output folder for a scenario: `runs/STEM-SUFFIX`. `report::numbered` finds the first that is free.
+/// The default output folder for a scenario: `runs/STEM-SUFFIX`. `output::numbered` finds the first that is free.
 pub(crate) fn default_for(file: &Path, suffix: impl Display) -> PathBuf {
     let stem = file.file_stem().unwrap_or_default();
     Path::new("runs").join(format!("{}-{suffix}", stem.to_string_lossy()))

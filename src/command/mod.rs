@@ -31,13 +31,14 @@ use clap::{Parser, Subcommand};
 use muster_daemon::operator::OperatorError;
 use muster_deploy::campaign::SpreadError;
 use muster_deploy::swarm::SwarmError;
+use muster_experiments::campaign::CampaignError;
+use muster_experiments::output::WriteError;
+use muster_experiments::tuning::TuneError;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::failure::{report_bad_inputs, report_error};
 use muster_runtime::identity::KeysError;
-use muster_scenarios::campaign::CampaignError;
 use muster_scenarios::engine::RunError;
-use muster_scenarios::report::{Report, WriteError};
-use muster_scenarios::tuning::TuneError;
+use muster_scenarios::report::Report;
 
 /// Simulate and operate swarms of drones.
 ///

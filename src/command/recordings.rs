@@ -3,8 +3,9 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use muster_experiments::output::{Recording, WriteError};
 use muster_runtime::diagnostic::BadInput;
-use muster_scenarios::report::{Flight, Recording, Report, WriteError};
+use muster_scenarios::report::{Flight, Report};
 
 #[derive(Debug, Args)]
 #[command(next_help_heading = "Recordings")]

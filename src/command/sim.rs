@@ -3,8 +3,9 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use indicatif::ProgressBar;
+use muster_experiments::output::{self, ReportFiles};
 use muster_scenarios::engine::{self, Engine, Watcher};
-use muster_scenarios::report::{self, Report, ReportFiles};
+use muster_scenarios::report::Report;
 use muster_scenarios::scenario;
 
 use super::overrides::Overrides;
@@ -75,8 +76,8 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (report, flight) = engine::run(&scenario, arguments.engine.into(), Some(watch(&bar)))?;
     bar.finish_and_clear();
     let out = arguments.out.clone();
-    let out = out.unwrap_or_else(|| report::numbered(&default, |folder| report.is_in(folder)));
-    let written = report::write(&out, &report, &flight)?;
+    let out = out.unwrap_or_else(|| output::numbered(&default, |it| output::holds(it, &report)));
+    let written = output::write(&out, &report, &flight)?;
     let recordings = arguments.recordings.write(&report, &flight)?;
     if arguments.json {
         let json = serde_json::to_string(&report).map_err(io::Error::from)?;
@@ -103,7 +104,7 @@ pub(crate) fn print(
 ) -> io::Result<()> {
     let colour = terminal::colour(&io::stdout());
     let width = terminal_size::terminal_size().map(|(width, _)| width.0);
-    let mut text = report::table(report, width, colour);
+    let mut text = output::table(report, width, colour);
     let files = [&written.html, &written.json, &written.tracks];
     for path in files.into_iter().chain(recordings) {
         text.push_str(&format!("\n wrote {}", path.display()));

@@ -6,8 +6,9 @@ use indicatif::ProgressBar;
 use muster_daemon::config::TransportName;
 use muster_deploy::hosts::Hosts;
 use muster_deploy::swarm::{self, Prepared, Request, SwarmError};
+use muster_experiments::output;
 use muster_runtime::diagnostic::BadInput;
-use muster_scenarios::report::{self, Report};
+use muster_scenarios::report::Report;
 use muster_scenarios::scenario::{self, Override, Scenario};
 
 use super::overrides::Overrides;
@@ -97,7 +98,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     }
     let out = arguments.out.clone().unwrap_or_else(|| {
         // No flight in real time repeats, so each gets a folder.
-        report::numbered(&folder::default_for(&arguments.scenario, "swarm"), |_| {
+        output::numbered(&folder::default_for(&arguments.scenario, "swarm"), |_| {
             false
         })
     });
@@ -128,7 +129,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     if arguments.unlimited_range {
         flight.forget_links();
     }
-    let written = report::write(&out, &report, &flight)?;
+    let written = output::write(&out, &report, &flight)?;
     let recordings = arguments.recordings.write(&report, &flight)?;
     if arguments.json {
         let json = serde_json::to_string::<Report>(&report).map_err(io::Error::from)?;

@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use indicatif::ProgressBar;
+use muster_experiments::output;
+use muster_experiments::thesis::{self, Comparison, Flights};
 use muster_scenarios::engine::Watcher;
-use muster_scenarios::report;
 use muster_scenarios::scenario::{Override, Scenario};
-use muster_scenarios::thesis::{self, Comparison, Flights};
 
 use super::sim::EngineName;
 use super::{Failure, Outcome, folder, numbers, terminal};
@@ -68,7 +68,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     )?;
     bar.finish_and_clear();
     let out = arguments.out.clone();
-    let out = out.unwrap_or_else(|| report::numbered(&default, |folder| comparison.is_in(folder)));
+    let out = out.unwrap_or_else(|| output::numbered(&default, |folder| comparison.is_in(folder)));
     let written = thesis::write(&out, &comparison)?;
     if arguments.json {
         let json = serde_json::to_string(&comparison).map_err(io::Error::from)?;

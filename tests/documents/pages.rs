@@ -126,6 +126,7 @@ fn every_shipped_scenario_and_mission_is_listed() {
         .filter(|file| {
             let inside = [
                 "controller/",
+                "experiments/",
                 "found/",
                 "indoor/",
                 "tests/",

@@ -1,7 +1,7 @@
 //! Flaws that tests plant: each disables one guard of the protocol, to check that a scenario detects it.
 //!
-//! Only the feature `flaws` allows that, and only tests of this crate and of muster-scenarios enable it. Without it `has` is
-//! a constant, so flight code contains no flaw.
+//! Only the feature `flaws` allows that, and only tests of this crate, of muster-scenarios and of muster-experiments enable it.
+//! Without it `has` is a constant, so flight code contains no flaw.
 
 /// What a drone does wrong while a guard is disabled.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

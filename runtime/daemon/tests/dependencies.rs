@@ -29,6 +29,7 @@ fn musterd_links_no_world_report_or_campaign() {
     assert!(packages.contains("muster-machines "), "{packages}");
     for excluded in [
         "muster-scenarios ",
+        "muster-experiments ",
         "muster-controller ",
         "muster-indoor-world ",
         "muster-deploy ",

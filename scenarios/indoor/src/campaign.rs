@@ -5,9 +5,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::channel;
 
 use comfy_table::{CellAlignment, Table};
+use muster_experiments::campaign::Seeds;
 use muster_indoor::patrol::EarlyLanding;
 use muster_runtime::text::{figure, plural, rounded_down, rounded_up};
-use muster_scenarios::campaign::Seeds;
 use muster_scenarios::report::TABLE_STYLE;
 
 use crate::engine;

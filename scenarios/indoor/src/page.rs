@@ -3,11 +3,11 @@
 mod drawing;
 
 use maud::{Markup, html};
+use muster_experiments::output::document;
 use muster_indoor::coverage::{Places, Tour};
 use muster_indoor::frames::MapXy;
 use muster_indoor::map::Map;
 use muster_runtime::text::{figure, plural, rounded_down};
-use muster_scenarios::report::document;
 
 use self::drawing::Drawing;
 use crate::campaign::{self, Campaign};

@@ -33,7 +33,8 @@ use self::failure::FailureChecker;
 pub(crate) use self::landing::Wrecks;
 use self::obedience::ObedienceChecker;
 use self::progress::ProgressChecker;
-pub(crate) use self::rc::{RC_GAP_MAX, RcGaps};
+pub use self::rc::RC_GAP_MAX;
+pub(crate) use self::rc::RcGaps;
 pub(crate) use self::separation::SeparationChecker;
 pub(crate) use self::settled::{MemberState, SettledChecker};
 

@@ -9,7 +9,7 @@ use super::Violation;
 
 /// Longest gap between two RC frames to an armed controller over an open port. Betaflight takes its receiver for lost after
 /// 150 ms.
-pub(crate) const RC_GAP_MAX: Duration = Duration::from_millis(100);
+pub const RC_GAP_MAX: Duration = Duration::from_millis(100);
 
 /// The gaps between a drone's RC frames.
 ///

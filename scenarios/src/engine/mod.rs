@@ -13,7 +13,8 @@ pub use self::run_limit::Stop;
 pub use crate::report::Engine;
 use crate::report::{Flight, Report, summary};
 use crate::scenario::Scenario;
-use crate::world::{Ending, Outcome, World};
+use crate::world::{Ending, World};
+pub use crate::world::{Injection, Outcome, Phase};
 
 /// Why a run could not start. The cause is the computer or this program, never the scenario. It leaves nothing behind.
 #[derive(Debug, Error)]
@@ -82,7 +83,7 @@ pub fn run_until(
 ///
 /// # Errors
 /// As [`run`].
-pub(crate) fn run_within(
+pub fn run_within(
     run_limit: Duration,
     scenario: &Scenario,
     engine: Engine,
@@ -96,7 +97,7 @@ pub(crate) fn run_within(
 ///
 /// # Errors
 /// As [`run`].
-pub(crate) fn fly_within(
+pub fn fly_within(
     run_limit: Duration,
     scenario: &Scenario,
     engine: Engine,

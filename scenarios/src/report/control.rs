@@ -56,7 +56,7 @@ impl Default for ControlSeries {
 impl ControlSeries {
     /// Takes a look at the aircraft and, if the controller tells them, its sticks since the last look. Ignored while it is
     /// disarmed; so is what RC did before it was armed.
-    pub(crate) fn look(&mut self, at: Timestamp, truth: &Truth, sticks: Option<Sticks>) {
+    pub fn look(&mut self, at: Timestamp, truth: &Truth, sticks: Option<Sticks>) {
         let was_armed = std::mem::replace(&mut self.was_armed, truth.is_armed);
         if !truth.is_armed {
             return;
@@ -141,7 +141,9 @@ impl Extremes {
         }
     }
 
-    pub(crate) const fn joined(self, other: Self) -> Self {
+    /// The extremes of both.
+    #[must_use]
+    pub const fn joined(self, other: Self) -> Self {
         Self {
             least: self.least.min(other.least),
             greatest: self.greatest.max(other.greatest),
@@ -150,7 +152,7 @@ impl Extremes {
 }
 
 #[cfg(test)]
-pub(crate) mod tests {
+mod tests {
     use muster_controller::{Config, Controller, Settings};
     use muster_machines::geodetic::Geodetic;
     use nalgebra::UnitQuaternion;
@@ -173,7 +175,7 @@ pub(crate) mod tests {
     }
 
     /// A flight from second 10 on for so long, with a look ten times a second. The aircraft leans by 40° at second 12 only.
-    pub(crate) fn flown(seconds: u32, rc_gap: Duration) -> ControlSeries {
+    fn flown(seconds: u32, rc_gap: Duration) -> ControlSeries {
         let mut series = ControlSeries::default();
         let (level, leans) = (truth(0.0, true), truth(40.0, true));
         for look in 0..seconds * 10 {
@@ -184,21 +186,6 @@ pub(crate) mod tests {
             };
             let truth = if look == 20 { &leans } else { &level };
             series.look(now, truth, Some(sticks));
-        }
-        series
-    }
-
-    /// A flight with as many stretches as there may be, each different.
-    pub(crate) fn leaning() -> ControlSeries {
-        let mut series = ControlSeries::default();
-        for look in 0..=1_500_u16 {
-            let lean_deg = 30.0 * f64::from(look).sin();
-            let sticks = Sticks {
-                throttle_us: 1_000 + look % 1_000,
-                rc_gap: Some(Duration::from_millis(u64::from(look % 190))),
-            };
-            let now = at(f64::from(look) * 0.0999);
-            series.look(now, &truth(lean_deg, true), Some(sticks));
         }
         series
     }

@@ -1,4 +1,4 @@
-//! Figures derived from a report, and their text form.
+//! Figures derived from a report, and the commands in it.
 
 use std::cmp::Reverse;
 use std::path::Path;
@@ -8,42 +8,7 @@ use muster_runtime::text::figure;
 
 use super::{Barrier, DroneReport, Engine, FormationChange, RelayReport, Report, Role};
 
-/// A drone's part in the radio network; sets its colour and mark.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Kind {
-    /// Led the swarm.
-    Master,
-    /// Relayed orders for other drones.
-    Relay,
-    /// Relayed nothing.
-    Leaf,
-}
-
-impl Kind {
-    /// All kinds, in the order of the legend.
-    pub(super) const ALL: [Self; 3] = [Self::Master, Self::Relay, Self::Leaf];
-
-    /// Name in texts and in CSS classes.
-    pub(super) const fn name(self) -> &'static str {
-        match self {
-            Self::Master => "master",
-            Self::Relay => "relay",
-            Self::Leaf => "leaf",
-        }
-    }
-}
-
 impl DroneReport {
-    /// Its part in the radio network.
-    #[must_use]
-    pub const fn kind(&self) -> Kind {
-        match (self.role, self.relay) {
-            (Role::Master, _) => Kind::Master,
-            (Role::Member, true) => Kind::Relay,
-            (Role::Member, false) => Kind::Leaf,
-        }
-    }
-
     /// Its numbers of frames sent and received, "≥ 1,234" if frames are missing in them.
     #[must_use]
     pub fn messages(&self) -> [String; 2] {
@@ -94,7 +59,7 @@ impl Report {
     }
 
     /// Reports of all swarms of the run, the scenario's own first.
-    pub(crate) fn swarms(&self) -> impl Iterator<Item = &Self> {
+    pub fn swarms(&self) -> impl Iterator<Item = &Self> {
         std::iter::once(self).chain(&self.others)
     }
 
@@ -170,7 +135,8 @@ impl Report {
 }
 
 /// The program in commands that repeat something: a program of one's own has agents that `muster` lacks.
-pub(crate) fn program() -> String {
+#[must_use]
+pub fn program() -> String {
     let has_agents = Agents::installed().names().next().is_some();
     let own = std::env::args_os().next().filter(|_| has_agents);
     let name = own.as_deref().and_then(|it| Path::new(it).file_name());
@@ -178,12 +144,8 @@ pub(crate) fn program() -> String {
 }
 
 /// Command that repeats a run, quoted for a POSIX shell.
-pub(crate) fn command(
-    scenario: &str,
-    seed: u64,
-    engine: Option<Engine>,
-    overrides: &[String],
-) -> String {
+#[must_use]
+pub fn command(scenario: &str, seed: u64, engine: Option<Engine>, overrides: &[String]) -> String {
     let (program, scenario) = (program(), quoted(scenario));
     let mut command = match engine {
         Some(engine) => format!("{program} sim {scenario} --seed {seed} --engine {engine}"),
@@ -197,7 +159,8 @@ pub(crate) fn command(
 }
 
 /// Quotes `text` as one word of a POSIX shell.
-pub(crate) fn quoted(text: &str) -> String {
+#[must_use]
+pub fn quoted(text: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "/._-+=:,@%".contains(c);
     if !text.is_empty() && !text.starts_with('-') && text.chars().all(plain) {
         return text.to_owned();
@@ -206,7 +169,8 @@ pub(crate) fn quoted(text: &str) -> String {
     format!("'{guard}{}'", text.replace('\'', r"'\''"))
 }
 
-pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
+/// The mean; `None` without values.
+pub fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     let (sum, number) = values.fold((0.0, 0_u32), |(sum, number), value| {
         (sum + value, number + 1)
     });
@@ -218,28 +182,25 @@ pub(crate) fn mean(values: impl Iterator<Item = f64>) -> Option<f64> {
     clippy::cast_precision_loss,
     reason = "a run has far fewer than 2^52 frames"
 )]
-pub(crate) fn count(number: u64) -> f64 {
+#[must_use]
+pub fn count(number: u64) -> f64 {
     number as f64
-}
-
-/// The speed-up in words; `None` if the run took no measurable time.
-pub(super) fn speedup_text(report: &Report) -> Option<String> {
-    let speedup = report.speedup()?;
-    Some(if speedup >= 10.0 {
-        format!("{} times faster than real time", figure(speedup, 0))
-    } else {
-        format!("{} times real time", figure(speedup, 1))
-    })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::report::sample;
+    use crate::engine;
+    use crate::scenario::load;
+
+    fn flown() -> Report {
+        let scenario = load(Path::new("thesis-1"), &[]).unwrap();
+        engine::run(&scenario, Engine::Events, None).unwrap().0
+    }
 
     #[test]
     fn counts_that_lack_frames_are_shown_as_lower_bounds() {
-        let (mut report, _) = sample::swarm(1);
+        let mut report = flown();
         let drone = &mut report.drones[0];
         (drone.messages_sent, drone.messages_received) = (1_234, 5);
         assert_eq!(drone.messages(), ["1,234", "5"]);
@@ -262,7 +223,7 @@ mod tests {
 
     #[test]
     fn command_of_a_flight_with_firmware_names_it() {
-        let (mut report, _) = sample::swarm(1);
+        let mut report = flown();
         report.set_firmware(Path::new("my build/betaflight_SITL"));
         assert_eq!(report.firmware.as_deref(), Some("betaflight_SITL"));
         assert!(
@@ -274,7 +235,7 @@ mod tests {
 
     #[test]
     fn means_without_values_are_none() {
-        let (mut report, _) = sample::swarm(2);
+        let mut report = flown();
         report.barriers.clear();
         report.drones.clear();
         report.wall_s = 0.0;

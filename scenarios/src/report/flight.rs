@@ -15,7 +15,7 @@ impl Flight {
     }
 
     /// Flights of all swarms, the scenario's own first.
-    pub(crate) fn swarms(&self) -> impl Iterator<Item = &Self> {
+    pub fn swarms(&self) -> impl Iterator<Item = &Self> {
         std::iter::once(self).chain(&self.others)
     }
 }

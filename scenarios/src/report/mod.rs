@@ -1,49 +1,33 @@
-//! The report of a run: figures for programs, a page and tables for people.
+//! The report of a run: its figures and its flight.
 
-mod agents;
-mod closest;
-pub(crate) mod control;
-pub(crate) mod figures;
+mod control;
+mod figures;
 mod flight;
-mod folder;
 mod following;
 mod history;
-pub(crate) mod html;
-mod recordings;
-#[cfg(test)]
-pub(crate) mod sample;
-mod simplify;
 mod stalls;
+mod style;
 mod summary;
-pub(crate) mod table;
-mod tracks;
-mod write;
 
 use std::collections::BTreeMap;
 use std::fmt;
 
+pub use crate::checkers::RC_GAP_MAX;
 pub use control::{ControlSeries, Extremes, Stretch};
-pub use figures::Kind;
-pub use folder::numbered;
+pub use figures::{command, count, mean, program, quoted};
 pub use history::{
     Condition, Epoch, History, Jam, LinkChange, LinkState, Mark, MarkKind, NodeHistory, Route,
 };
-pub use html::scaling::{Scaling, scaling};
-pub use html::{document, page};
-pub use recordings::Recording;
 pub use stalls::FirmwareStalls;
-pub use table::{Colour, STYLE as TABLE_STYLE, table};
-pub use tracks::tracks;
-pub use write::{REPORT_HTML, REPORT_JSON, ReportFiles, TRACKS_CSV, WriteError, write, write_file};
+pub use style::{Colour, TABLE_STYLE};
+pub use summary::unplanned;
 
 use muster_machines::geometry::Ned;
 use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 use serde::{Deserialize, Serialize};
 
-pub(crate) use figures::command;
-pub(crate) use summary::{is_completed, summary, unplanned};
-pub(crate) use write::{CompleteFile, DraftFile, create_folder, json};
+pub(crate) use summary::{is_completed, summary};
 
 /// The figures of a run, as printed by `--json` and written to `report.json`.
 ///
@@ -138,6 +122,24 @@ pub struct AgentFailure {
     pub drone: u32,
     /// What went wrong.
     pub what: String,
+}
+
+/// Longest cause of an agent's failure in a line, in characters.
+const CAUSE_MAX: usize = 100;
+
+impl AgentFailure {
+    /// The last line of what went wrong, which names the cause in a traceback, too.
+    #[must_use]
+    pub fn cause(&self) -> String {
+        cause(&self.what)
+    }
+}
+
+/// As [`AgentFailure::cause`].
+fn cause(what: &str) -> String {
+    let last = what.lines().rfind(|line| !line.trim().is_empty());
+    let last = last.unwrap_or_default();
+    last.chars().take(CAUSE_MAX).collect()
 }
 
 /// A value that a drone's agent reported.
@@ -250,24 +252,6 @@ pub struct DroneReport {
     /// Port of its flight controller; `None` without one, or if the drones flew as processes.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub port: Option<PortReport>,
-}
-
-impl DroneReport {
-    /// The mission state at the end for people: a drone that landed early did not finish.
-    pub(crate) fn final_state(&self) -> &str {
-        if self.landed_because.is_some() && self.state == State::Finished.to_string() {
-            "landed early"
-        } else {
-            &self.state
-        }
-    }
-
-    /// Whether it is on the ground as at the start, neither flown nor lost.
-    pub(crate) fn stayed(&self) -> bool {
-        [State::Start, State::SetUp]
-            .iter()
-            .any(|it| it.to_string() == self.state)
-    }
 }
 
 /// What the port of a drone's flight controller has counted.

@@ -32,7 +32,8 @@ impl FirmwareStalls {
     }
 
     /// As people read it. `None` if there was none.
-    pub(crate) fn text(self) -> Option<String> {
+    #[must_use]
+    pub fn text(self) -> Option<String> {
         let longest_ms = figure(self.longest_s * 1e3, 0);
         let times = plural(self.count, "time");
         (self.count > 0).then(|| format!("stood still {times}, at most {longest_ms} ms"))

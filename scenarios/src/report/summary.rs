@@ -267,7 +267,8 @@ fn when(state: State) -> String {
 }
 
 /// Reason for an early landing, in words; `None` at the mission's end.
-pub(crate) const fn unplanned(reason: LandingReason) -> Option<&'static str> {
+#[must_use]
+pub const fn unplanned(reason: LandingReason) -> Option<&'static str> {
     match reason {
         LandingReason::MissionOver => None,
         LandingReason::MasterSilent => Some("the master was silent"),

@@ -11,7 +11,7 @@ use muster_machines::mission::Succession;
 use muster_runtime::diagnostic::BadInput;
 
 use super::Scenario;
-use crate::report::table::STYLE;
+use crate::report::TABLE_STYLE;
 use muster_runtime::plan::file::Source;
 use muster_runtime::plan::raw::Raw;
 use muster_runtime::plan::separation::{
@@ -116,7 +116,8 @@ impl Scenario {
     }
 
     /// The exposures listed in `limits.accept` that may bring these two drones too close to each other.
-    pub(crate) fn accepted_exposures(&self, drones: [NodeId; 2]) -> BTreeSet<Exposure> {
+    #[must_use]
+    pub fn accepted_exposures(&self, drones: [NodeId; 2]) -> BTreeSet<Exposure> {
         let accepted = &self.plan.accepted;
         if accepted.is_empty() {
             return BTreeSet::new();
@@ -332,7 +333,7 @@ fn table(rows: &[Row]) -> Vec<String> {
 /// A table without frames.
 pub(super) fn bare_table(header: impl IntoIterator<Item = &'static str>) -> Table {
     let mut table = Table::new();
-    table.force_no_tty().load_style(STYLE);
+    table.force_no_tty().load_style(TABLE_STYLE);
     table.set_header(header);
     for column in table.column_iter_mut() {
         column.set_padding((0, 2));

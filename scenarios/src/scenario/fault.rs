@@ -200,7 +200,8 @@ impl FaultKind {
     }
 
     /// The name of its kind, with the actor that it affects, if any.
-    pub(crate) fn name(&self) -> String {
+    #[must_use]
+    pub fn name(&self) -> String {
         let kind = self.kind().name();
         match self {
             Self::Drone(_, DroneFault::CrashActor(actor) | DroneFault::Hang(Some(actor))) => {

@@ -11,11 +11,9 @@ mod variation;
 mod verdict;
 mod written;
 
-use std::path::Path;
 use std::time::Duration;
 
 use muster_machines::geometry::Ned;
-use muster_runtime::diagnostic::BadInput;
 use muster_runtime::plan::{Plan, raw};
 use muster_transport::sim;
 
@@ -32,8 +30,7 @@ pub use shipped::{Shipped, is_shipped, mission_path, read, scenario_file, shippe
 pub use variation::Variation;
 
 use crate::controllers::Aircraft;
-pub use written::side_by_side;
-pub(crate) use written::written;
+pub use written::{side_by_side, written};
 
 /// A scenario; its fields fit each other.
 #[derive(Debug, Clone)]
@@ -80,14 +77,6 @@ impl Joins {
 }
 
 impl Scenario {
-    /// The same scenario with another random seed. Places that the seed decides are drawn anew, so the files are read again.
-    ///
-    /// # Errors
-    /// Those of [`load`]: other places may be out of each other's range, or need layers that are too high.
-    pub(crate) fn with_seed(&self, seed: u64) -> Result<Self, BadInput> {
-        self.with_seed_from(seed, |overrides| load(Path::new(&self.name), overrides))
-    }
-
     /// The same scenario with another random seed. Where the seed decides places, `load` reads it anew, with all overrides.
     ///
     /// # Errors

@@ -21,7 +21,7 @@ use muster_runtime::plan::mission_file;
 ///
 /// # Errors
 /// If the text is not TOML.
-pub(crate) fn written(
+pub fn written(
     (path, text): (&Path, &str),
     set: &[Override],
     faults: &[Fault],

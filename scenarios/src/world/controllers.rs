@@ -40,11 +40,11 @@ struct Attached {
 
 /// All controllers, by the numbers of their drones. Empty without any.
 #[derive(Debug, Default)]
-pub(crate) struct Controllers(Vec<Option<Attached>>);
+pub struct Controllers(Vec<Option<Attached>>);
 
 impl Controllers {
     /// The next drones are those of a scenario. `sensors` and `lines` draw the seeds of their sensors and of their lines' faults.
-    pub(crate) fn extend(
+    pub fn extend(
         &mut self,
         scenario: &Scenario,
         sensors: &mut ChaCha8Rng,
@@ -103,7 +103,7 @@ impl Controllers {
     }
 
     /// A drone's link gives its newest RC frame; `None` stops RC.
-    pub(crate) fn set_rc(&mut self, now: Timestamp, drone: NodeId, rc: Option<SetRawRc>) {
+    pub fn set_rc(&mut self, now: Timestamp, drone: NodeId, rc: Option<SetRawRc>) {
         if let Some(attached) = self.get(drone) {
             attached.port.set_rc(now, rc);
         }
@@ -128,7 +128,7 @@ impl Controllers {
     }
 
     /// A drone's pilot, if there is one, sees whether the drone is to take off.
-    pub(crate) fn show_pilot(&mut self, drone: NodeId, is_to_take_off: bool) {
+    pub fn show_pilot(&mut self, drone: NodeId, is_to_take_off: bool) {
         if let Some(pilot) = self.get(drone).and_then(|it| it.pilot.as_mut()) {
             pilot.is_to_take_off = is_to_take_off;
         }
@@ -174,7 +174,7 @@ impl Controllers {
 
     /// A tick of a drone's port: reads what has come, writes one command. `tell` takes what its link is told. Returns the state
     /// of the aircraft, if it is time to look at it, and until when it holds.
-    pub(crate) fn tick(
+    pub fn tick(
         &mut self,
         now: Timestamp,
         drone: NodeId,
@@ -225,6 +225,12 @@ impl Controllers {
         let attached = self.0.get(drone.0 as usize)?.as_ref()?;
         let port = attached.port.check(now, drone);
         port.or_else(|| attached.wreck.check(now, drone))
+    }
+
+    /// What a rule finds wrong with a drone's RC or aircraft, in words.
+    #[must_use]
+    pub fn broken_rule(&self, now: Timestamp, drone: NodeId) -> Option<String> {
+        self.check(now, drone).map(|violation| violation.what)
     }
 
     /// What the port of a drone's flight controller has counted; `None` without one.

@@ -4,22 +4,22 @@ use muster_machines::mission::State;
 
 /// A fault that was injected, and the state that it met.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Injection {
+pub struct Injection {
     /// The index of the fault in its plan.
-    pub(crate) fault: usize,
+    pub fault: usize,
     /// The phase of the affected drone; the master's if the fault affects no single drone.
-    pub(crate) phase: Phase,
+    pub phase: Phase,
     /// Whether that drone was a master.
-    pub(crate) leads: bool,
+    pub leads: bool,
     /// Whether some of the swarm had no master, or several.
-    pub(crate) electing: bool,
+    pub electing: bool,
     /// Whether the swarm had several segments.
-    pub(crate) apart: bool,
+    pub apart: bool,
 }
 
 /// The phase of a drone's flight, as far as faults are concerned.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Phase {
+pub enum Phase {
     /// It waits on the ground to take off.
     Ground,
     /// It takes off, or waits in its slot until the first waypoint is reached.
@@ -42,7 +42,7 @@ pub(crate) enum Phase {
 
 impl Phase {
     /// All of them, in the order of a flight.
-    pub(crate) const ALL: [Self; 9] = [
+    pub const ALL: [Self; 9] = [
         Self::Ground,
         Self::TakingOff,
         Self::Waiting,

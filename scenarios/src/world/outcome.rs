@@ -11,7 +11,8 @@ use super::injection::Injection;
 use super::port::PortFigures;
 use super::recorder::{Record, Recorder};
 use crate::checkers::Violation;
-use crate::report::ControlSeries;
+use crate::report::{self, ControlSeries};
+use crate::scenario::Scenario;
 
 /// How a run ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -24,18 +25,33 @@ pub(crate) enum Ending {
 
 /// The outcome of a run.
 #[derive(Debug)]
-pub(crate) struct Outcome {
+pub struct Outcome {
     pub(crate) trace: String,
-    pub(crate) ended: Timestamp,
+    /// When the run ended, in simulated time.
+    pub ended: Timestamp,
     /// The closest approach of two drones, in metres. `None` if rules were not checked.
     pub(crate) closest_m: Option<f64>,
     pub(crate) violations: Vec<Violation>,
     /// What the faults of the plan met, in the order of their injection.
-    pub(crate) injections: Vec<Injection>,
+    pub injections: Vec<Injection>,
     /// The medium's counters, for all swarms together.
     pub(crate) medium: Counters,
     /// The scenario's own swarm first.
     pub(crate) swarms: Vec<SwarmOutcome>,
+}
+
+impl Outcome {
+    /// The first violation of a rule.
+    #[must_use]
+    pub fn violation(&self) -> Option<report::Violation> {
+        self.violations.first().map(report::Violation::from)
+    }
+
+    /// Whether the remaining drones of the scenario's own swarm completed the mission.
+    #[must_use]
+    pub fn is_completed(&self, scenario: &Scenario) -> bool {
+        report::is_completed(scenario, &self.swarms[0].recorder)
+    }
 }
 
 /// The outcome of a swarm's flight.

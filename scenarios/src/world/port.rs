@@ -39,7 +39,7 @@ pub(crate) struct PortFigures {
 
 /// What the port of a drone's process does in a tick.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum PortState {
+pub enum PortState {
     /// The process runs.
     Runs,
     /// The process runs, but its link to the controller hangs or has failed for good: no new RC frames come.

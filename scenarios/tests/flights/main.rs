@@ -16,8 +16,6 @@ mod follow;
 mod formations;
 mod found;
 mod holds;
-#[cfg(feature = "flaws")]
-mod planted;
 mod relay;
 mod settling;
 mod shipped;
@@ -26,4 +24,3 @@ mod spinning;
 mod support;
 mod thesis;
 mod tree;
-mod tuning;

@@ -4,8 +4,8 @@ use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
+use muster_experiments::campaign::Campaign;
 use muster_runtime::text::plural;
-use muster_scenarios::campaign::Campaign;
 
 use super::super::{Failure, Outcome, folder, terminal};
 use super::{Arguments, spread};

@@ -4,9 +4,9 @@ use std::path::{Path, PathBuf};
 
 use muster_deploy::campaign::{SpreadError, SpreadRequest, spread};
 use muster_deploy::hosts;
+use muster_experiments::campaign::{self, Campaign};
 use muster_runtime::plan::file::Source;
 use muster_runtime::text::plural;
-use muster_scenarios::campaign::{self, Campaign};
 use muster_scenarios::engine::Engine;
 use muster_scenarios::scenario::{is_shipped, mission_file, mission_path};
 

@@ -1,11 +1,11 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use muster_experiments::tuning::{Tuned, tune};
 use muster_machines::msp::controller::Gains;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::vehicle::VehicleKind;
 use muster_scenarios::scenario;
-use muster_scenarios::tuning::{Tuned, tune};
 
 use super::{Failure, Outcome};
 use crate::command::overrides::Overrides;

@@ -2,14 +2,14 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
+use muster_experiments::localisation::{self, Question, Start, Track};
+use muster_experiments::output;
 use muster_indoor::filter::Config;
 use muster_indoor::frames::{BodyXy, MapPose, MapXy};
 use muster_indoor::log;
 use muster_indoor::reading::Mounting;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::map_file;
-use muster_scenarios::localisation::{self, Question, Start, Track};
-use muster_scenarios::report;
 
 use super::place;
 use crate::command::{Failure, Outcome, folder, numbers, terminal};
@@ -84,7 +84,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         BadInput::without_excerpt(&arguments.map, error, help)
     })?;
     let out = arguments.out.clone();
-    let out = out.unwrap_or_else(|| report::numbered(&default, |it| track.is_in(it)));
+    let out = out.unwrap_or_else(|| output::numbered(&default, |it| track.is_in(it)));
     let written = localisation::write(&out, &track, &map)?;
     if arguments.json {
         let json = serde_json::to_string(&track).map_err(io::Error::from)?;

@@ -3,13 +3,13 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
+use muster_experiments::campaign::Seeds;
 use muster_indoor::avoidance::Method;
 use muster_indoor_world::campaign::{self, Row};
 use muster_indoor_world::flat::Flat;
 use muster_indoor_world::world::{Failing, Prepared, Setup};
 use muster_indoor_world::{engine, page};
 use muster_runtime::diagnostic::BadInput;
-use muster_scenarios::campaign::Seeds;
 
 use super::place;
 use crate::command::campaign::jobs;

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use muster_experiments::output;
 use muster_indoor::frames::MapXy;
 use muster_indoor::map::Map;
 use muster_indoor_world::flat::Flat;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::map_file;
-use muster_scenarios::report;
 
 use crate::command::{Failure, folder};
 
@@ -53,5 +53,5 @@ pub(super) fn page_file(out: Option<&Path>, name: &str, what: &str) -> Result<Pa
 pub(super) fn write(file: &Path, page: &str) -> Result<(), Failure> {
     let target = file.canonicalize();
     let target = target.as_deref().unwrap_or(file);
-    Ok(report::write_file(target, page.as_bytes())?)
+    Ok(output::write_file(target, page.as_bytes())?)
 }

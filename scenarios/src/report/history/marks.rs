@@ -8,7 +8,7 @@ use muster_runtime::plan::raw::ActorName;
 use super::labels::{fault, ids, masters};
 use super::{History, Mark, MarkKind};
 use crate::checkers::Violation;
-use crate::report::agents::cause;
+use crate::report::cause;
 use crate::report::summary::unplanned;
 use crate::scenario::Fault;
 use crate::world::{Incident, Recorder};

@@ -4,9 +4,6 @@ mod build;
 mod labels;
 mod marks;
 
-use std::cmp::Reverse;
-use std::collections::BTreeMap;
-
 use muster_machines::geodetic::Geodetic;
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
@@ -28,22 +25,6 @@ pub struct History {
     pub home: Option<Geodetic>,
     /// Minimum separation of flying drones, horizontal and vertical, in metres. Rule 4 requires one of both.
     pub separation_m: (f64, f64),
-}
-
-impl History {
-    /// The drone that most of the nodes `of` a swarm follow as their leader at a time; of several, the one with the lowest id.
-    /// `None` if nobody follows one.
-    pub(crate) fn leader_at(&self, at: Timestamp, of: impl Fn(u32) -> bool) -> Option<u32> {
-        let mut followers: BTreeMap<u32, usize> = BTreeMap::new();
-        let nodes = self.nodes.iter().filter(|node| of(node.id));
-        for epoch in nodes.filter_map(|node| NodeHistory::at(&node.epochs, at)) {
-            *followers.entry(self.epochs[epoch].master).or_default() += 1;
-        }
-        let most = followers
-            .into_iter()
-            .max_by_key(|&(id, number)| (number, Reverse(id)));
-        most.map(|(id, _)| id)
-    }
 }
 
 /// The history of a drone or relay. Each list is in order of time, and an entry holds until the next one.
@@ -222,7 +203,7 @@ pub struct Jam {
 
 impl NodeHistory {
     /// The entry of a list that holds at a time.
-    pub(crate) fn at<T: Copy>(list: &[(Timestamp, T)], at: Timestamp) -> Option<T> {
+    pub fn at<T: Copy>(list: &[(Timestamp, T)], at: Timestamp) -> Option<T> {
         let next = list.partition_point(|&(since, _)| since <= at);
         let last = next.checked_sub(1)?;
         list.get(last).map(|&(_, value)| value)
