@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[path = "agents/contract.rs"]
+mod contract;
 #[path = "../examples/agents/all.rs"]
 mod examples;
 #[path = "../src/command/new/agent/lib.rs.txt"]

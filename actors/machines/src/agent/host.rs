@@ -9,9 +9,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::requests::Requests;
-use super::runner::{Failed, Runner};
+use super::runner::{Factory, Failed, Runner};
 use super::timers::Timers;
-use super::{Agent, Checkpoint, Context, MessageId, SwarmEvent, Telemetry};
+use super::waiting::Waiting;
+use super::{Agent, Checkpoint, Context, MessageId, SwarmEvent, TELEMETRY_MIN, Telemetry};
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::machine::{Machine, Outbox, Output};
@@ -20,29 +21,6 @@ use crate::navigation::{Goal, Notice as NavigationNotice};
 use crate::routing::Notice as RoutingNotice;
 use crate::supervision::RestartLimits;
 use crate::time::Timestamp;
-
-/// Builds an agent.
-#[derive(Clone)]
-pub struct Factory(Arc<dyn Fn() -> Box<dyn Agent> + Send + Sync>);
-
-impl Factory {
-    /// A factory that calls `new` for each start of the agent.
-    pub fn new(new: impl Fn() -> Box<dyn Agent> + Send + Sync + 'static) -> Self {
-        Self(Arc::new(new))
-    }
-
-    /// Builds an agent.
-    #[must_use]
-    pub fn build(&self) -> Box<dyn Agent> {
-        (self.0)()
-    }
-}
-
-impl fmt::Debug for Factory {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Factory").finish_non_exhaustive()
-    }
-}
 
 /// Configuration of an agent's host.
 #[derive(Debug, Clone)]
@@ -100,6 +78,13 @@ pub struct Host {
     telemetry: Option<Duration>,
     /// `None` while the agent doesn't run, and without a period.
     next_telemetry: Option<Timestamp>,
+    /// Whether the agent, resumed in flight, waits for the drone's position to start.
+    awaits_position: bool,
+    /// When the agent was last told that the drone has arrived.
+    told_of_arrival: Option<Timestamp>,
+    /// When it is told again, of a goal at which the drone rests already.
+    next_arrival: Option<Timestamp>,
+    waiting: Waiting,
     /// Whether the agent's durable state has changed in this step.
     has_changed: bool,
     outbox: Outbox<Transmit, Event>,
@@ -126,6 +111,7 @@ impl Host {
     ) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let runner = Runner::new(config.factory.clone(), config.restarts);
+        let awaits_position = checkpoint.is_some();
         let state = State {
             durable: checkpoint.unwrap_or_default(),
             timers: Timers::default(),
@@ -145,6 +131,10 @@ impl Host {
             is_informed: false,
             is_leader_silent: false,
             next_telemetry: None,
+            awaits_position,
+            told_of_arrival: None,
+            next_arrival: None,
+            waiting: Waiting::default(),
             has_changed: false,
             outbox: Outbox::new(),
         }
@@ -168,16 +158,36 @@ impl Host {
         }
     }
 
-    /// Starts the agent if that is due.
-    fn start_if_due(&mut self, now: Timestamp) {
+    /// Starts the agent if that is due, and gives it the messages that waited for it. Returns whether it was due.
+    fn start_if_due(&mut self, now: Timestamp) -> bool {
         match self.runner.start_if_due(now, &mut self.state) {
             Ok(true) => {
                 self.telemetry = Some(self.state.config.telemetry);
                 self.next_telemetry = Some(now);
+                // Navigation tells again of an arrival, which a failed agent may have missed.
+                if self.destination().is_some() {
+                    self.repeat_goal();
+                }
                 self.carry_out(now);
+                while self.is_running()
+                    && let Some((from, payload)) = self.waiting.pop()
+                {
+                    self.call(now, |agent, context| agent.message(from, &payload, context));
+                }
+                true
             }
-            Ok(false) => {}
-            Err(failed) => self.fail(failed),
+            Ok(false) => false,
+            Err(failed) => {
+                self.fail(failed);
+                true
+            }
+        }
+    }
+
+    /// Sends the agent's last goal to navigation once more.
+    fn repeat_goal(&mut self) {
+        if let Some(goal) = self.state.durable.goal {
+            self.outbox.transmit(Transmit::Goal(goal));
         }
     }
 
@@ -185,6 +195,7 @@ impl Host {
     fn fail(&mut self, failed: Failed) {
         self.state.discard();
         self.next_telemetry = None;
+        self.next_arrival = None;
         self.outbox.event(Event::AgentFailed(failed.what));
         if failed.is_given_up {
             self.mission.end_task(LandingReason::ActorGivenUp);
@@ -201,6 +212,7 @@ impl Host {
         let goal = self.state.requests.take_goal();
         let kept = self.state.requests.take_kept();
         if let Some(goal) = goal {
+            self.next_arrival = None;
             self.state.durable.goal = Some(goal);
             self.outbox.transmit(Transmit::Goal(goal));
         }
@@ -245,6 +257,7 @@ impl Host {
         if !self.mission.is_on_task() {
             if self.is_informed {
                 self.runner.stop();
+                self.waiting.clear();
             }
             return;
         }
@@ -255,10 +268,13 @@ impl Host {
             self.is_leader_silent = is_silent;
             self.state.leader = leader;
             self.state.drones_on_task = self.mission.drones_on_task().clone();
-            if let Some(goal) = self.state.durable.goal {
-                self.outbox.transmit(Transmit::Goal(goal));
+            if self.awaits_position {
+                self.repeat_goal();
+                self.outbox.transmit(Transmit::Locate);
+            } else {
+                self.start_if_due(now);
             }
-            return self.start_if_due(now);
+            return;
         }
         if leader != std::mem::replace(&mut self.state.leader, leader) {
             self.swarm(now, SwarmEvent::LeaderChanged(leader));
@@ -299,6 +315,10 @@ impl Host {
         }
     }
 
+    fn may_start(&self) -> bool {
+        self.mission.is_on_task() && !self.awaits_position
+    }
+
     fn is_running(&self) -> bool {
         self.runner.is_running() && self.mission.is_on_task()
     }
@@ -320,9 +340,26 @@ impl Host {
         }
     }
 
-    fn handle_message(&mut self, now: Timestamp, from: NodeId, payload: &Bytes) {
+    /// Passes a message on. An agent that is to start gets it then.
+    fn handle_message(&mut self, now: Timestamp, from: NodeId, payload: Bytes) {
+        let is_over = self.is_informed && !self.mission.is_on_task();
         if self.is_running() {
-            self.call(now, |agent, context| agent.message(from, payload, context));
+            self.call(now, |agent, context| agent.message(from, &payload, context));
+        } else if !is_over {
+            self.waiting.push(from, payload);
+        }
+    }
+
+    /// Tells the agent that the drone rests at its goal. The next time is [`TELEMETRY_MIN`] later, so that an agent that flies
+    /// to where it is does not do so without a pause.
+    fn handle_arrival(&mut self, now: Timestamp, at: Ned) {
+        let due = (self.told_of_arrival).map_or(Timestamp::ZERO, |last| last + TELEMETRY_MIN);
+        if now < due {
+            self.next_arrival = Some(due);
+        } else {
+            self.next_arrival = None;
+            self.told_of_arrival = Some(now);
+            self.handle_telemetry(now, (at, Velocity::new(0.0, 0.0, 0.0)), true);
         }
     }
 
@@ -343,10 +380,14 @@ impl Host {
     }
 
     fn deadline(&self, mission: Option<Timestamp>) -> Option<Timestamp> {
-        let own = [self.next_telemetry, self.state.timers.next()];
+        let own = [
+            self.next_telemetry,
+            self.next_arrival,
+            self.state.timers.next(),
+        ];
         // The agent may have landed the drone in this step.
         let own = own.into_iter().filter(|_| self.is_running());
-        let start = (self.runner.starts_at()).filter(|_| self.mission.is_on_task());
+        let start = (self.runner.starts_at()).filter(|_| self.may_start());
         own.chain([mission, start]).flatten().min()
     }
 }
@@ -359,7 +400,7 @@ impl Machine for Host {
     fn handle_input(&mut self, now: Timestamp, input: Input) {
         match input {
             Input::Routing(RoutingNotice::Message { from, payload }) => {
-                self.handle_message(now, from, &payload);
+                self.handle_message(now, from, payload);
             }
             Input::Routing(RoutingNotice::Sent(sent)) => {
                 for (id, outcome) in sent {
@@ -372,16 +413,24 @@ impl Machine for Host {
             {
                 self.handle_telemetry(now, (position, velocity), false);
             }
+            Input::Navigation(NavigationNotice::Position { position, .. })
+                if self.awaits_position && self.mission.is_on_task() =>
+            {
+                self.awaits_position = false;
+                self.state.position = position;
+                self.start_if_due(now);
+            }
             Input::Navigation(NavigationNotice::Arrived(goal)) if self.is_running() => {
                 // The agent may have set another goal meanwhile.
                 let is_current = self.state.durable.goal == Some(goal);
                 if let Some(at) = self.destination().filter(|_| is_current) {
-                    self.handle_telemetry(now, (at, Velocity::new(0.0, 0.0, 0.0)), true);
+                    self.handle_arrival(now, at);
                 }
             }
-            Input::Navigation(NavigationNotice::Resync) if self.is_running() => {
-                if let Some(goal) = self.state.durable.goal {
-                    self.outbox.transmit(Transmit::Goal(goal));
+            Input::Navigation(NavigationNotice::Resync) if self.mission.is_on_task() => {
+                self.repeat_goal();
+                if self.awaits_position {
+                    self.outbox.transmit(Transmit::Locate);
                 }
             }
             input => self.mission.handle_input(now, input),
@@ -393,13 +442,21 @@ impl Machine for Host {
     fn handle_timeout(&mut self, now: Timestamp) {
         self.mission.handle_timeout(now);
         self.follow_mission(now);
-        if self.mission.is_on_task() {
-            self.start_if_due(now);
-        }
-        while self.is_running()
-            && let Some(timer) = self.state.timers.pop_expired(now)
+        if self.next_arrival.is_some_and(|due| due <= now)
+            && let Some(at) = self.destination()
         {
-            self.call(now, |agent, context| agent.timer(timer, context));
+            self.handle_arrival(now, at);
+        }
+        loop {
+            while self.is_running()
+                && let Some(timer) = self.state.timers.pop_expired(now)
+            {
+                self.call(now, |agent, context| agent.timer(timer, context));
+            }
+            // An agent that fails for the first time is started again at once, and may set a timer that has expired.
+            if !(self.may_start() && self.start_if_due(now)) {
+                break;
+            }
         }
         if self.is_running() {
             self.locate_if_due(now);

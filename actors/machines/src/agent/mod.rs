@@ -17,6 +17,7 @@ mod host;
 mod requests;
 mod runner;
 mod timers;
+mod waiting;
 
 use std::fmt;
 use std::time::Duration;
@@ -25,7 +26,8 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 pub use self::context::Context;
-pub use self::host::{Config, Factory, Host};
+pub use self::host::{Config, Host};
+pub use self::runner::Factory;
 use crate::geometry::{Ned, Velocity};
 use crate::identity::{NodeId, NodeSet};
 use crate::navigation::Goal;
@@ -110,7 +112,8 @@ pub struct Telemetry {
     pub position: Ned,
     /// Velocity.
     pub velocity: Velocity,
-    /// Whether the drone rests at the destination of [`Context::go_to`].
+    /// Whether the drone has just come to rest at the destination of [`Context::go_to`]: true once for each call of that, and
+    /// once more if the agent is built anew there.
     pub has_arrived: bool,
 }
 

@@ -1,16 +1,41 @@
 //! Runs the agent: builds it, calls it, and builds it anew when it fails.
 
 use std::any::Any;
+use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
 
 use super::host::State;
-use super::{Agent, Context, Factory};
+use super::{Agent, Context};
 use crate::node::Address;
 use crate::supervision::{RestartDecision, RestartLimits, Supervision};
 use crate::time::Timestamp;
 
 /// Longest beginning and end of a failure's description, in characters. A traceback names its cause at its end.
 const FAILURE_MAX: (usize, usize) = (500, 1_500);
+
+/// Builds an agent.
+#[derive(Clone)]
+pub struct Factory(Arc<dyn Fn() -> Box<dyn Agent> + Send + Sync>);
+
+impl Factory {
+    /// A factory that calls `new` for each start of the agent.
+    pub fn new(new: impl Fn() -> Box<dyn Agent> + Send + Sync + 'static) -> Self {
+        Self(Arc::new(new))
+    }
+
+    /// Builds an agent.
+    #[must_use]
+    pub fn build(&self) -> Box<dyn Agent> {
+        (self.0)()
+    }
+}
+
+impl fmt::Debug for Factory {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Factory").finish_non_exhaustive()
+    }
+}
 
 /// An agent under supervision.
 ///

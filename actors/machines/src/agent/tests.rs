@@ -44,7 +44,8 @@ impl Recorder {
 impl Agent for Recorder {
     fn start(&mut self, context: &mut Context<'_>) {
         let kept = context.kept().map(<[u8]>::to_vec);
-        self.record(format!("start, kept {kept:?}"));
+        let north_m = context.position().north_m();
+        self.record(format!("start at {north_m} m, kept {kept:?}"));
         context.set_timer(TICK, SECOND);
         context.keep(b"one").unwrap();
         context.go_to(Ned::new(50.0, 0.0, -10.0));
@@ -63,6 +64,7 @@ impl Agent for Recorder {
             b"land later" => context.set_timer(TimerId(8), SECOND),
             b"land" => context.land(),
             b"go on" => context.go_to(Ned::new(90.0, 0.0, -10.0)),
+            b"panic in a timer" => context.set_timer(TimerId(9), SECOND / 2),
             b"arrivals only" => context.set_telemetry(None),
             b"as often as possible" => context.set_telemetry(Some(Duration::ZERO)),
             b"panic" => {
@@ -76,8 +78,10 @@ impl Agent for Recorder {
 
     fn timer(&mut self, timer: TimerId, context: &mut Context<'_>) {
         self.record(format!("timer {}", timer.0));
-        if timer == TimerId(8) {
-            context.land();
+        match timer.0 {
+            8 => context.land(),
+            9 => panic!("timed"),
+            _ => {}
         }
         context.observe("ticks", 1.0);
     }
@@ -278,7 +282,7 @@ fn member_on_task() -> Drone {
         drones: ids(&[0, 1, 2]),
     };
     drone.order(3, &order);
-    assert_eq!(drone.calls(), ["start, kept None"]);
+    assert_eq!(drone.calls(), ["start at 0 m, kept None"]);
     drone
 }
 

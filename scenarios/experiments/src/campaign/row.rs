@@ -271,7 +271,7 @@ const NAMES_MAX: usize = 100;
 fn observed(report: &Report) -> BTreeMap<String, f64> {
     let mut last = BTreeMap::new();
     for value in &report.observed {
-        let rounded = rounded(value.value);
+        let rounded = to_15_digits(value.value);
         let has_place = last.len() < NAMES_MAX || last.contains_key(&value.name);
         if rounded.is_finite() && has_place {
             last.insert(value.name.clone(), rounded);
@@ -282,6 +282,15 @@ fn observed(report: &Report) -> BTreeMap<String, f64> {
 
 fn restarts(drone: &DroneReport) -> u64 {
     u64::from(drone.restarts)
+}
+
+/// Rounds to 15 significant digits, whatever the size of the value.
+fn to_15_digits(value: f64) -> f64 {
+    let rounded = format!("{value:.14e}").parse();
+    rounded
+        .ok()
+        .filter(|it: &f64| it.is_finite())
+        .unwrap_or(value)
 }
 
 /// Rounds to 1e-6. Up to 15 digits, decimal text and float convert exactly in both directions.
@@ -316,7 +325,7 @@ pub(super) mod tests {
             drone: 2,
             what: "on purpose".to_owned(),
         }];
-        report.observed = [1.0, 2.0, f64::NAN, f64::MAX]
+        report.observed = [f64::MAX, 3.2e-8, f64::NAN]
             .map(|value| ObservedValue {
                 at_s: value,
                 drone: 1,
@@ -332,7 +341,7 @@ pub(super) mod tests {
         let campaign = plan::tests::campaign();
         for faulty in [false, true] {
             let row = row(&campaign, 7, faulty);
-            assert_eq!(row.observed, [("finds".to_owned(), 2.0)].into());
+            assert_eq!(row.observed, [("finds".to_owned(), 3.2e-8)].into());
             let line = serde_json::to_string(&row).unwrap();
             assert_eq!(serde_json::from_str::<Row>(&line).unwrap(), row);
             assert!(row.belongs_to(&campaign, 7));

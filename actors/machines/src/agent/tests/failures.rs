@@ -42,13 +42,22 @@ fn restarted_agent_has_its_kept_state_and_its_drone_its_goal() {
     let mut drone = member_on_task();
     drone.restart();
     let (transmits, _) = drone.wait(Duration::ZERO);
-    assert_eq!(drone.calls(), ["start, kept Some([111, 110, 101])"]);
-    let goal = Goal::FlyTo {
-        to: Ned::new(50.0, 0.0, -10.0),
-        hold_altitude_m: 10.0,
-    };
-    assert_eq!(goals(&transmits).first(), Some(&goal));
+    assert_eq!(goals(&transmits).first(), Some(&FIRST_GOAL));
     assert!(transmits.contains(&Transmit::Resync));
+    assert!(transmits.contains(&Transmit::Locate));
+    // Its navigation may have restarted, too.
+    let (transmits, _) = drone.input(Input::Navigation(NavigationNotice::Resync));
+    assert!(transmits.contains(&Transmit::Locate));
+    assert_eq!(
+        drone.calls(),
+        Vec::<String>::new(),
+        "it waits for its position"
+    );
+    drone.input(Input::Navigation(NavigationNotice::Position {
+        position: Ned::new(80.0, 0.0, -30.0),
+        velocity: Velocity::new(0.0, 0.0, 0.0),
+    }));
+    assert_eq!(drone.calls(), ["start at 80 m, kept Some([111, 110, 101])"]);
     assert_eq!(*drone.host.mission().drones_on_task(), ids(&[2]));
     // The routing repeats the newest order, which was acknowledged before.
     let order = Order::Task {
@@ -67,7 +76,7 @@ fn failed_agent_is_built_anew_and_what_it_asked_for_is_not_done() {
     assert_eq!(events.as_slice(), std::slice::from_ref(&failed));
     drone.calls();
     drone.wait(Duration::ZERO);
-    assert_eq!(drone.calls(), ["start, kept Some([111, 110, 101])"]);
+    assert_eq!(drone.calls(), ["start at 0 m, kept Some([111, 110, 101])"]);
     let (_, events) = drone.message(b"panic");
     assert_eq!(events.as_slice(), std::slice::from_ref(&failed));
     drone.calls();
@@ -81,6 +90,99 @@ fn failed_agent_is_built_anew_and_what_it_asked_for_is_not_done() {
     let (transmits, events) = drone.message(b"panic");
     assert!(events.contains(&Event::Landing(LandingReason::ActorGivenUp)));
     assert_eq!(goals(&transmits), [Goal::Land]);
+}
+
+#[test]
+fn agent_that_fails_in_a_timer_is_built_anew_at_once() {
+    let mut drone = member_on_task();
+    drone.message(b"panic in a timer");
+    drone.calls();
+    let (_, events) = drone.wait(SECOND);
+    assert!(events.contains(&Event::AgentFailed("timed".to_owned())));
+    assert_eq!(
+        drone.calls(),
+        ["timer 9", "start at 0 m, kept Some([111, 110, 101])"]
+    );
+    drone.wait(SECOND);
+    assert!(drone.calls().contains(&"timer 7".to_owned()), "it goes on");
+}
+
+#[test]
+fn messages_wait_for_an_agent_that_is_to_start() {
+    let mut drone = member_in_slot();
+    drone.message(b"early");
+    drone.message(b"earlier than its task");
+    assert_eq!(drone.calls(), Vec::<String>::new());
+    drone.order(3, &Order::Task { drones: ids(&[2]) });
+    let calls = [
+        "start at 0 m, kept None",
+        "message from 0: 5",
+        "message from 0: 21",
+    ];
+    assert_eq!(drone.calls(), calls);
+    for _ in 0..2 {
+        drone.message(b"panic");
+        drone.wait(Duration::ZERO);
+    }
+    drone.calls();
+    drone.message(b"in its pause");
+    assert_eq!(drone.calls(), Vec::<String>::new());
+    drone.wait(SECOND);
+    assert_eq!(drone.calls()[1], "message from 0: 12");
+    // A drone that lands has no agent any more.
+    drone.message(b"land");
+    drone.calls();
+    drone.message(b"late");
+    drone.wait(SECOND);
+    assert_eq!(drone.calls(), Vec::<String>::new());
+}
+
+#[test]
+fn waiting_messages_are_bounded() {
+    let mut drone = member_in_slot();
+    for _ in 0..100 {
+        drone.message(b"again");
+    }
+    drone.message(b"the last one");
+    drone.order(3, &Order::Task { drones: ids(&[2]) });
+    let calls = drone.calls();
+    assert_eq!(calls.len(), 1 + crate::routing::messages::limits::QUEUE_MAX);
+    assert_eq!(calls.last().unwrap(), "message from 0: 12");
+}
+
+#[test]
+fn failed_agent_is_told_again_where_its_drone_rests() {
+    let mut drone = member_on_task();
+    let arrived = Input::Navigation(NavigationNotice::Arrived(FIRST_GOAL));
+    drone.input(arrived.clone());
+    drone.message(b"panic");
+    let (transmits, _) = drone.wait(Duration::ZERO);
+    assert_eq!(
+        goals(&transmits).first(),
+        Some(&FIRST_GOAL),
+        "navigation answers with an arrival"
+    );
+}
+
+#[test]
+fn arrivals_at_one_place_are_told_one_after_another() {
+    let mut drone = member_on_task();
+    drone.calls();
+    let arrived = Input::Navigation(NavigationNotice::Arrived(FIRST_GOAL));
+    for expected in [1, 0, 0] {
+        drone.input(arrived.clone());
+        let calls = drone.calls();
+        assert_eq!(calls, vec!["telemetry, arrived true"; expected]);
+    }
+    drone.wait(TELEMETRY_MIN / 2);
+    assert_eq!(drone.calls(), Vec::<String>::new());
+    drone.wait(TELEMETRY_MIN / 2);
+    assert_eq!(drone.calls(), ["telemetry, arrived true"]);
+    drone.input(arrived);
+    drone.message(b"go on");
+    drone.calls();
+    drone.wait(TELEMETRY_MIN);
+    assert_eq!(drone.calls(), Vec::<String>::new(), "it flies on");
 }
 
 #[test]
