@@ -46,6 +46,7 @@ struct Checked {
 fn describe(file: &Path, arguments: &Arguments) -> Result<String, BadInput> {
     let overrides = &arguments.overrides;
     check_distinct(file, overrides)?;
+    scenario::scenario_or_mission(file)?;
     let is_file_of_scenario = file.extension().is_some_and(|it| it == "toml");
     let checked = if is_file_of_scenario || scenario::is_shipped(file) {
         check_scenario(file, overrides)?

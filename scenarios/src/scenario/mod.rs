@@ -26,7 +26,9 @@ pub use load::{load, load_for, load_from};
 pub use muster_runtime::plan::file::Override;
 pub use muster_runtime::plan::{describe_fence, mission_file};
 pub use settling::Settling;
-pub use shipped::{Shipped, is_shipped, mission_path, read, scenario_file, shipped};
+pub use shipped::{
+    Shipped, is_shipped, mission_path, read, scenario_file, scenario_or_mission, shipped,
+};
 pub use variation::Variation;
 
 use crate::controllers::Aircraft;

@@ -74,6 +74,14 @@ pub fn mission_path(named: &Path) -> Result<Cow<'_, Path>, BadInput> {
     find(named, |path| !is_scenario(path), "mission")
 }
 
+/// As [`scenario_file`], for scenarios and missions.
+///
+/// # Errors
+/// If there is neither of this name.
+pub fn scenario_or_mission(named: &Path) -> Result<Cow<'_, Path>, BadInput> {
+    find(named, |_| true, "scenario or mission")
+}
+
 /// The text of a shipped file, or of one on the disk.
 ///
 /// # Errors

@@ -76,6 +76,15 @@ impl Scenario {
         })
     }
 
+    /// What to change so that drones reach each other.
+    fn remedy(&self) -> &'static str {
+        if self.radio.loss >= 1.0 {
+            "lower `radio.loss`"
+        } else {
+            "raise `radio.range_m` or lower `formation.spacing_m`"
+        }
+    }
+
     /// What may surprise an operator, though it can be flown.
     fn warnings(&self, in_slots: &Segments) -> Vec<String> {
         let mut warnings = Vec::new();
@@ -86,19 +95,20 @@ impl Scenario {
                 Succession::Land => "will land",
             };
             warnings.push(format!(
-                "{} can't reach the master, not even over others, and {will}: raise `radio.range_m` or lower \
-                 `formation.spacing_m`",
-                drones(&apart)
+                "{} can't reach the master, not even over others, and {will}: {}",
+                drones(&apart),
+                self.remedy()
             ));
         }
         let on_the_way = self.unreached_on_the_way();
         if let Some(longest) = on_the_way.iter().max_by_key(|it| it.longest()) {
             let ids: Vec<u32> = longest.drones.iter().map(|(id, _)| id.0).collect();
             warnings.push(format!(
-                "{} can't reach the master for {} s {}: raise `radio.range_m` or lower `formation.spacing_m`",
+                "{} can't reach the master for {} s {}: {}",
                 drones(&ids),
                 figure(longest.longest().as_secs_f64(), 0),
                 describe_phase(longest.kind),
+                self.remedy(),
             ));
         }
         let diameter = self

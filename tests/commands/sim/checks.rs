@@ -64,6 +64,13 @@ fn check_sets_fields_of_scenarios_and_refuses_them_for_missions() {
     let (code, text) = check(&["river", "--set", "formation.drones=25"]);
     assert_eq!(code, Some(2), "{text}");
     assert!(text.contains("leave out --set"), "{text}");
+    let (code, text) = check(&["thesi-2"]);
+    assert_eq!(code, Some(2), "{text}");
+    let says = "no shipped scenario or mission of this name; did you mean `thesis-2`?";
+    assert!(text.contains(says), "{text}");
+    let (code, text) = check(&["thesis-1", "--set", "radio.loss=1"]);
+    assert_eq!(code, Some(0), "{text}");
+    assert!(text.contains("on their own: lower `radio.loss`"), "{text}");
 }
 
 #[test]
