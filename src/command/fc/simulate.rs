@@ -47,7 +47,7 @@ pub(super) struct Arguments {
 #[group(required = true, multiple = false)]
 struct Line {
     /// Wait for one TCP connection at a time.
-    #[arg(long, value_name = "HOST:PORT")]
+    #[arg(long, value_name = "ADDRESS:PORT")]
     listen: Option<SocketAddr>,
     /// Open a pseudo-terminal and make a symbolic link to it; an existing link is replaced.
     #[arg(long, value_name = "LINK")]
