@@ -44,7 +44,7 @@ class SwarmEvent:
         """The drones that it is about: the new leader, or members."""
     @property
     def message(self) -> int | None:
-        """The number of the message that it is about."""
+        """The number of the message that it is about. None if that was sent without acknowledgement before 1,024 others."""
     @property
     def reason(self) -> str | None:
         """Why a message was dropped."""

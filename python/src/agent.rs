@@ -1,10 +1,10 @@
 //! An agent in Python behind the trait of agents.
 
-use std::collections::BTreeMap;
+use std::collections::VecDeque;
 use std::panic::resume_unwind;
 use std::sync::Arc;
 
-use muster::agent::{self, Agent, MessageId, Outcome, TimerId};
+use muster::agent::{self, Agent, Destination, MessageId, Outcome, Reliability, TimerId};
 use muster::{AgentSpec, NodeId};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -33,7 +33,7 @@ pub(crate) struct SwarmEvent {
     kind: &'static str,
     /// The drones that it is about: the new leader, or members.
     drones: Vec<u32>,
-    /// The message that it is about.
+    /// The message that it is about. `None` if that was sent without acknowledgement before 1,024 others.
     message: Option<u32>,
     /// Why it was dropped.
     reason: Option<String>,
@@ -46,16 +46,49 @@ pub(crate) struct PyAgent {
     rng: Option<Py<PyAny>>,
     /// Number of the next message, for Python.
     next_token: u32,
-    /// Numbers of messages whose outcome is to come.
-    tokens: BTreeMap<MessageId, u32>,
+    tokens: Tokens,
     interrupt: Arc<Interrupt>,
 }
 
 /// The methods of an agent.
 const METHODS: [&str; 5] = ["start", "telemetry", "message", "timer", "swarm"];
 
-/// Most messages whose outcome is remembered.
+/// Most messages of either kind whose numbers are remembered. Fewer than these that are to be acknowledged can be under way:
+/// the routing refuses further ones.
 const TOKENS_MAX: usize = 1_024;
+
+/// Python's numbers of messages whose outcome may come, in the order in which they were sent.
+#[derive(Default)]
+struct Tokens {
+    /// Of messages that have an outcome.
+    acknowledged: VecDeque<(MessageId, u32)>,
+    /// Of messages that have an outcome only if they are lost.
+    best_effort: VecDeque<(MessageId, u32)>,
+}
+
+impl Tokens {
+    /// Remembers a message, instead of the oldest of its kind if there are too many.
+    fn insert(&mut self, id: MessageId, token: u32, is_acknowledged: bool) {
+        let tokens = if is_acknowledged {
+            &mut self.acknowledged
+        } else {
+            &mut self.best_effort
+        };
+        if tokens.len() >= TOKENS_MAX {
+            tokens.pop_front();
+        }
+        tokens.push_back((id, token));
+    }
+
+    /// Yields a message's number, and forgets it.
+    fn remove(&mut self, id: MessageId) -> Option<u32> {
+        let kinds = [&mut self.acknowledged, &mut self.best_effort];
+        kinds.into_iter().find_map(|tokens| {
+            let at = tokens.iter().position(|(it, _)| *it == id)?;
+            tokens.remove(at).map(|(_, token)| token)
+        })
+    }
+}
 
 impl PyAgent {
     /// Calls `new(id)`.
@@ -79,7 +112,7 @@ impl PyAgent {
                         .unbind(),
                     rng: None,
                     next_token: 0,
-                    tokens: BTreeMap::new(),
+                    tokens: Tokens::default(),
                     interrupt: Arc::clone(interrupt),
                 })
             };
@@ -152,13 +185,12 @@ impl PyAgent {
                     reliability,
                 } => {
                     self.next_token = token.wrapping_add(1);
+                    let is_acknowledged =
+                        reliability == Reliability::Acknowledged && to != Destination::All;
                     let id = context
                         .send(to, &payload, reliability)
                         .expect("its length and number were checked when it was asked for");
-                    self.tokens.insert(id, token);
-                    if self.tokens.len() > TOKENS_MAX {
-                        self.tokens.pop_first();
-                    }
+                    self.tokens.insert(id, token, is_acknowledged);
                 }
                 Command::SetTimer(timer, after) => context.set_timer(timer, after),
                 Command::CancelTimer(timer) => context.cancel_timer(timer),
@@ -254,7 +286,7 @@ impl Agent for PyAgent {
                     Outcome::Expired => "message_expired",
                     Outcome::Dropped(_) => "message_dropped",
                 };
-                (kind, Vec::new(), self.tokens.remove(id))
+                (kind, Vec::new(), self.tokens.remove(*id))
             }
         };
         let event = SwarmEvent {

@@ -194,3 +194,29 @@ class Sending:
             cx.land()
         else:
             assert event.reason is None
+
+
+class Talking:
+    """Drone 0 tells all its neighbours something, again and again, until a long message has arrived."""
+
+    def __init__(self, id):
+        self.id = id
+
+    def start(self, cx):
+        cx.set_timer(1, 0.1 if self.id == 0 else 300)
+        if self.id == 0:
+            self.long, self.sent, self.is_over = cx.send(4, bytes(1 << 20), acknowledged=True), 0, False
+
+    def timer(self, timer, cx):
+        if self.id or self.is_over:
+            return cx.land()
+        for _ in range(8):
+            cx.send("neighbours", b"x")
+            self.sent += 1
+        cx.set_timer(1, 0.25)
+
+    def swarm(self, event, cx):
+        if event.kind == "message_delivered":
+            assert event.message == self.long, event.message
+            cx.observe("sent meanwhile", self.sent)
+            self.is_over = True

@@ -13,7 +13,7 @@ import time
 
 import muster
 from agents import (
-    Addressed, Deep, Dice, Endless, Exiting, Failing, Greedy, Interrupting, Keeping, Sending, raises,
+    Addressed, Deep, Dice, Endless, Exiting, Failing, Greedy, Interrupting, Keeping, Sending, Talking, raises,
 )
 
 ROOT = pathlib.Path(__file__).parents[2]
@@ -231,6 +231,13 @@ def reason_of_a_dropped_message_is_told(sim):
     assert len(run.observed) == 5
 
 
+def outcome_has_the_number_of_a_message_sent_long_ago(sim):
+    run = sim.set("radio.loss", 0).agents(Talking).run()
+    assert not run.agent_failures, run.agent_failures[0]["what"]
+    [sent] = [row["value"] for row in run.observed]
+    assert sent > 1_024, sent
+
+
 def objects_that_are_no_agents_are_refused(sim):
     for new, words in ((lambda id: None, "`new(0)` returned a NoneType"), (lambda id: 7, "returned a int")):
         with raises(muster.MusterError, words):
@@ -329,6 +336,7 @@ def main():
         folder_that_cannot_be_written_is_refused_before_the_flight(sim, folder)
         scenario_is_read_once(folder)
         reason_of_a_dropped_message_is_told(sim)
+        outcome_has_the_number_of_a_message_sent_long_ago(sim)
         objects_that_are_no_agents_are_refused(sim)
         plot_of_an_unknown_value_names_what_was_observed(sim)
         parameters_have_the_values_that_were_set(sim)
