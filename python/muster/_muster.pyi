@@ -81,7 +81,7 @@ class Context:
         """The state kept before a restart."""
     @property
     def parameters(self) -> dict[str, Any]:
-        """`agent.parameters` of the scenario."""
+        """`agent.parameters` of the scenario: truths, numbers, texts, lists and dictionaries."""
     @property
     def rng(self) -> Random: ...
     def go_to(self, place: Place) -> None: ...

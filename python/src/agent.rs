@@ -1,6 +1,6 @@
 //! An agent in Python behind the trait of agents.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::panic::resume_unwind;
 use std::sync::Arc;
 
@@ -10,6 +10,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyTuple};
 use rand::RngExt;
+use serde::Deserialize;
 
 use crate::context::{Command, Context, Place, place};
 use crate::interrupt::Interrupt;
@@ -48,6 +49,18 @@ pub(crate) struct PyAgent {
     next_token: u32,
     tokens: Tokens,
     interrupt: Arc<Interrupt>,
+}
+
+/// A value in `[agent.parameters]`.
+#[derive(Deserialize, IntoPyObject)]
+#[serde(untagged)]
+enum Parameter {
+    Truth(bool),
+    Integer(i64),
+    Float(f64),
+    Text(String),
+    List(Vec<Self>),
+    Table(BTreeMap<String, Self>),
 }
 
 /// The methods of an agent.
@@ -97,19 +110,16 @@ impl PyAgent {
         spec: &AgentSpec,
         interrupt: &Arc<Interrupt>,
     ) -> Result<Self, String> {
-        let parameters: serde_json::Value = spec.parameters().map_err(|error| error.to_string())?;
+        let parameters: BTreeMap<String, Parameter> =
+            spec.parameters().map_err(|error| error.to_string())?;
         Python::attach(|py| {
             let build = || -> PyResult<Self> {
-                let json = py.import("json")?;
-                let parameters = json.call_method1("loads", (parameters.to_string(),))?;
+                let parameters = parameters.into_pyobject(py)?.unbind();
                 let object = new.call1(py, (spec.id.0,))?;
                 check(object.bind(py), spec.id)?;
                 Ok(Self {
                     object,
-                    parameters: parameters
-                        .cast_into::<PyDict>()
-                        .map_err(PyErr::from)?
-                        .unbind(),
+                    parameters,
                     rng: None,
                     next_token: 0,
                     tokens: Tokens::default(),

@@ -225,6 +225,19 @@ def parameters_have_the_values_that_were_set(sim):
             sim.campaign([1], vary={"agent.parameters.side_m": [1, value]})
 
 
+def parameters_that_are_not_finite_are_floats(folder):
+    seen = []
+
+    class Reading(Failing):
+        def start(self, cx):
+            seen.append(repr(cx.parameters))
+
+    path = folder / "not-finite.toml"
+    path.write_text((folder / "scenario.toml").read_text() + "gain = inf\nlist = [1.0, nan, 2]\ntable = { low = -inf }\n")
+    muster.Sim(path).agents(Reading).run()
+    assert set(seen) == {"{'gain': inf, 'list': [1.0, nan, 2], 'side_m': 40, 'table': {'low': -inf}}"}, seen
+
+
 def reason_of_a_dropped_message_is_told(sim):
     run = sim.agents(Sending).run()
     assert not run.agent_failures, run.agent_failures[0]["what"]
@@ -340,6 +353,7 @@ def main():
         objects_that_are_no_agents_are_refused(sim)
         plot_of_an_unknown_value_names_what_was_observed(sim)
         parameters_have_the_values_that_were_set(sim)
+        parameters_that_are_not_finite_are_floats(folder)
         rows_are_those_of_the_command(folder)
         campaigns_count_failures_and_have_observed_values(sim)
         interrupts_leave_the_run(sim)
