@@ -144,6 +144,17 @@ impl Sim {
         self.read_again()
     }
 
+    /// Flies with agents of a factory that takes the same parameters as the one before. It builds none as a trial. Without
+    /// `[agent]` in the scenario nothing changes.
+    #[must_use]
+    pub fn agents_untried(mut self, factory: AgentFactory) -> Self {
+        if let Some(agent) = Arc::make_mut(&mut self.scenario).plan.agent_mut() {
+            agent.replace_untried(factory.clone());
+            self.factory = Some(factory);
+        }
+        self
+    }
+
     /// Flies with this engine; both give the same flight. The default is [`Engine::Events`].
     #[must_use]
     pub const fn engine(mut self, engine: Engine) -> Self {

@@ -5,13 +5,13 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use muster::Stop;
-use pyo3::exceptions::{PyException, PyKeyboardInterrupt};
+use pyo3::exceptions::PyException;
 use pyo3::prelude::*;
 
 /// Time between two looks at Python's signals.
 pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// What was raised first, until the runs have ended.
+/// What was raised first in one call from Python, be it of one run or of a campaign.
 #[derive(Default)]
 pub(crate) struct Interrupt {
     is_raised: AtomicBool,
@@ -41,19 +41,12 @@ impl Interrupt {
         }
     }
 
-    /// Yields what was raised, and forgets it.
+    /// Yields what was raised; once.
     pub(crate) fn take(&self) -> Option<PyErr> {
-        self.is_raised.store(false, Ordering::Relaxed);
         self.raised
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
             .take()
-    }
-
-    /// What was raised in runs that have ended.
-    pub(crate) fn error(&self) -> PyErr {
-        self.take()
-            .unwrap_or_else(|| PyKeyboardInterrupt::new_err(()))
     }
 
     /// Stops a run on this thread, which looks at signals meanwhile.

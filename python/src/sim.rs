@@ -28,20 +28,40 @@ fn refuse(error: muster::Error) -> PyErr {
 #[pyclass(module = "muster", frozen)]
 pub(crate) struct Sim {
     sim: muster::Sim,
-    /// Shared with the agents.
-    interrupt: Arc<Interrupt>,
+    /// Builds the agents.
+    new: Option<Arc<Py<PyAny>>>,
 }
 
 impl Sim {
     /// Changed, with the same agents.
     fn with(&self, sim: muster::Sim) -> Self {
-        let interrupt = Arc::clone(&self.interrupt);
-        Self { sim, interrupt }
+        let new = self.new.clone();
+        Self { sim, new }
     }
 
-    /// What an interrupt raised, or the error.
-    fn refuse(&self, error: muster::Error) -> PyErr {
-        self.interrupt.take().unwrap_or_else(|| refuse(error))
+    /// For one call: the scenario, and what ends it early. Its agents raise into that.
+    fn begin(&self) -> (muster::Sim, Arc<Interrupt>) {
+        let (sim, interrupt) = (self.sim.clone(), Arc::default());
+        let sim = match &self.new {
+            Some(new) => sim.agents_untried(factory(new, &interrupt)),
+            None => sim,
+        };
+        (sim, interrupt)
+    }
+}
+
+/// Agents that raise into `interrupt`.
+fn factory(new: &Arc<Py<PyAny>>, interrupt: &Arc<Interrupt>) -> AgentFactory {
+    let (new, interrupt) = (Arc::clone(new), Arc::clone(interrupt));
+    AgentFactory::new(move |spec: &AgentSpec| PyAgent::new(&new, spec, &interrupt))
+}
+
+/// What was raised, or else what was refused or has come of a call.
+fn outcome<T>(interrupt: &Interrupt, called: Result<Option<T>, muster::Error>) -> PyResult<T> {
+    match (interrupt.take(), called) {
+        (Some(raised), _) => Err(raised),
+        (None, Err(error)) => Err(refuse(error)),
+        (None, Ok(value)) => Ok(value.expect("a call ends early only by what was raised")),
     }
 }
 
@@ -52,14 +72,15 @@ impl Sim {
     fn new(scenario: PathBuf) -> PyResult<Self> {
         Ok(Self {
             sim: muster::Sim::load(scenario).map_err(refuse)?,
-            interrupt: Arc::default(),
+            new: None,
         })
     }
 
     /// A scenario with a field set, as with `--set`.
     fn set(&self, field: &str, value: &str) -> PyResult<Self> {
-        let set = self.sim.clone().set(field, value);
-        Ok(self.with(set.map_err(|error| self.refuse(error))?))
+        let (sim, interrupt) = self.begin();
+        let set = sim.set(field, value).map(Some);
+        Ok(self.with(outcome(&interrupt, set)?))
     }
 
     /// A scenario with another random seed.
@@ -83,12 +104,12 @@ impl Sim {
 
     /// A scenario with agents: `new(id)` builds the one of a drone.
     fn agents(&self, new: Py<PyAny>) -> PyResult<Self> {
-        let interrupt = Arc::new(Interrupt::default());
-        let shared = Arc::clone(&interrupt);
-        let factory = AgentFactory::new(move |spec: &AgentSpec| PyAgent::new(&new, spec, &shared));
-        let given = self.sim.clone().agents_from(factory);
-        let sim = given.map_err(|error| interrupt.take().unwrap_or_else(|| refuse(error)))?;
-        Ok(Self { sim, interrupt })
+        let (new, interrupt) = (Arc::new(new), Arc::default());
+        let given = self.sim.clone().agents_from(factory(&new, &interrupt));
+        Ok(Self {
+            sim: outcome(&interrupt, given.map(Some))?,
+            new: Some(new),
+        })
     }
 
     /// Flies. Returns the report as JSON. Writes it, a page and tracks into `folder` if there is one.
@@ -97,10 +118,10 @@ impl Sim {
         if let Some(folder) = &folder {
             muster::check_folder(folder).map_err(refuse)?;
         }
-        // What an earlier run may have left.
-        drop(self.interrupt.take());
+        let (sim, interrupt) = self.begin();
         let json = py.detach(|| {
-            let Some(run) = self.sim.run_until(&self.interrupt.stop())? else {
+            let run = sim.run_until(&interrupt.stop())?;
+            let Some(run) = run.filter(|_| !interrupt.is_raised()) else {
                 return Ok(None);
             };
             if let Some(folder) = folder {
@@ -110,8 +131,7 @@ impl Sim {
                 serde_json::to_string(&run.report).expect("a report always serialises"),
             ))
         });
-        let json: Option<String> = json.map_err(refuse)?;
-        json.ok_or_else(|| self.interrupt.error())
+        outcome(&interrupt, json)
     }
 
     /// Flies each combination of the values of fields with each seed, on all processors. Returns the rows as JSON, in order.
@@ -121,10 +141,9 @@ impl Sim {
         seeds: Vec<u64>,
         vary: Vec<(String, Vec<String>)>,
     ) -> PyResult<String> {
-        drop(self.interrupt.take());
-        let rows = py.detach(|| Campaign::new(&self.sim, seeds, &vary)?.fly(&self.interrupt));
-        let rows = rows.map_err(|error| self.refuse(error))?;
-        let rows = rows.ok_or_else(|| self.interrupt.error())?;
+        let (sim, interrupt) = self.begin();
+        let rows = py.detach(|| Campaign::new(&sim, seeds, &vary)?.fly(&interrupt));
+        let rows = outcome(&interrupt, rows)?;
         Ok(serde_json::to_string(&rows).expect("a row always serialises"))
     }
 }

@@ -1,6 +1,7 @@
 """What the package promises: the README's examples run, flights repeat, failures are told. Run it as a program."""
 
 import csv
+import itertools
 import os
 import pathlib
 import re
@@ -120,6 +121,43 @@ def interrupts_leave_the_run(sim):
     with raises(SystemExit, "built"):
         sim.agents(lambda id: sys.exit("built"))
     assert sim.agents(Dice).run().figures["mission_completed"]
+
+
+def interrupt_is_raised_from_its_own_call(sim):
+    """Another thread's campaign is ended, but one of its agents is busy while this thread flies the same scenario."""
+    ended, is_flown, turns, raised = threading.Event(), threading.Event(), itertools.count(), []
+
+    class Agent(Failing):
+        def start(self, cx):
+            if self.id or threading.current_thread() is threading.main_thread():
+                return
+            if next(turns) == 0:
+                is_flown.wait(10)
+            else:
+                ended.set()
+                sys.exit("enough")
+
+        def telemetry(self, telemetry, cx):
+            cx.land()
+
+    agents = sim.agents(Agent)
+
+    def campaign():
+        try:
+            agents.campaign(range(4))
+        except SystemExit as error:
+            raised.append(str(error))
+
+    other = threading.Thread(target=campaign)
+    other.start()
+    try:
+        assert ended.wait(60)
+        time.sleep(0.3)
+        agents.seed(7).run()
+    finally:
+        is_flown.set()
+        other.join()
+    assert raised == ["enough"], raised
 
 
 def interrupt_ends_runs_and_campaigns_early(sim):
@@ -357,6 +395,7 @@ def main():
         rows_are_those_of_the_command(folder)
         campaigns_count_failures_and_have_observed_values(sim)
         interrupts_leave_the_run(sim)
+        interrupt_is_raised_from_its_own_call(sim)
         interrupt_ends_runs_and_campaigns_early(sim)
     wrong_field_is_refused_with_a_suggestion()
     campaigns_are_tables()

@@ -210,6 +210,11 @@ impl PlannedAgent {
         Ok(())
     }
 
+    /// Flies with agents of a factory that takes the same parameters as the one before. It is not tried.
+    pub fn replace_untried(&mut self, factory: AgentFactory) {
+        self.factory = Some(factory);
+    }
+
     /// Flies with the agents of another plan, which has the same parameters.
     pub fn replace_by_those_of(&mut self, other: &Self) {
         self.factory.clone_from(&other.factory);
