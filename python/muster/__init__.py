@@ -14,8 +14,9 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any, Callable, Dict, Iterable, List, Literal, Mapping
 
 from . import _muster
+from ._columns import FIGURES, cells
 from ._muster import Context, MusterError, SwarmEvent, Telemetry
-from ._values import encode
+from ._values import encode, plain
 from .agents import Agent, Place
 
 if TYPE_CHECKING:
@@ -29,23 +30,24 @@ __all__ = ["Agent", "Campaign", "Context", "MusterError", "Place", "Run", "Sim",
 class Table(List[Dict[str, Any]]):
     """Rows as dictionaries, which pandas and Arrow take."""
 
+    _types: Mapping[str, str] = {}
+    """Of columns that have the same type in each table."""
+
     def to_pandas(self) -> pandas.DataFrame:
-        """A pandas.DataFrame. Needs pandas."""
+        """A pandas.DataFrame. Lists and dictionaries stay what they are. Needs pandas."""
         import pandas
 
-        return pandas.DataFrame(list(self))
+        frame = pandas.DataFrame(list(self))
+        return frame.astype({name: kind for name, kind in self._types.items() if name in frame})
 
     def to_arrow(self) -> pyarrow.Table:
-        """A pyarrow.Table. Needs pyarrow."""
+        """A pyarrow.Table. Lists, dictionaries and the values of a column with several types are JSON. Needs pyarrow."""
         import pyarrow
 
-        return pyarrow.Table.from_pylist([_flat(row) for row in self])
-
-
-def _flat(row: Mapping[str, Any]) -> dict[str, Any]:
-    """A row whose lists and dictionaries are JSON."""
-    nested = (list, dict)
-    return {key: json.dumps(value) if isinstance(value, nested) else value for key, value in row.items()}
+        types = {name: pyarrow.type_for_alias(kind.lower()) for name, kind in self._types.items()}
+        names = dict.fromkeys(name for row in self for name in row)
+        columns = {name: cells([row.get(name) for row in self]) for name in names}
+        return pyarrow.table({name: pyarrow.array(values, types.get(name)) for name, values in columns.items()})
 
 
 class Run:
@@ -111,7 +113,12 @@ class Run:
 
 
 class Campaign(Table):
-    """A row for each run, as in `runs.jsonl`: the varied fields, the seed and the run's figures."""
+    """A row for each run, as in `runs.jsonl`: the varied fields, the seed and the run's figures.
+
+    Columns of figures have the same types in each campaign.
+    """
+
+    _types = FIGURES
 
 
 class Sim:
@@ -148,9 +155,10 @@ class Sim:
     ) -> Campaign:
         """Flies each combination of varied fields with each seed, on all processors.
 
-        Rows are those of `muster campaign`; `observed` has the last value of each name that agents observed.
+        Rows are those of `muster campaign`; `observed` has the last value of each name that agents observed. Values of varied
+        fields are plain: a path is a text, a tuple a list, a number of numpy one of Python.
         """
-        vary = {field: list(values) for field, values in (vary or {}).items()}
+        vary = {field: [plain(value) for value in values] for field, values in (vary or {}).items()}
         texts = [(field, [encode(field, value) for value in values]) for field, values in vary.items()]
         combinations = [dict(zip(vary, values)) for values in itertools.product(*vary.values())]
         rows = Campaign()

@@ -16,38 +16,46 @@ _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 def encode(field: str, value: Any) -> str:
     """The value of a field. Texts stay plain where they can't be mistaken for another value."""
-    value = _python(value)
+    value = plain(value)
     if isinstance(value, str) and _PLAIN.fullmatch(value) and value not in _KEYWORDS:
-        return str.__str__(value)
+        return value
     try:
         return _literal(value)
     except TypeError as error:
         raise TypeError(f"`{field}`: {error}") from None
 
 
-def _python(value: Any) -> Any:
-    """Paths as texts; numpy's scalars and arrays as Python's."""
+def plain(value: Any) -> Any:
+    """Paths as texts, tuples as lists; numpy's scalars and arrays, and values of derived types, as Python's. Others stay."""
     if isinstance(value, os.PathLike):
-        return os.fspath(value)
+        value = os.fspath(value)
     tolist = getattr(value, "tolist", None)
-    return tolist() if callable(tolist) else value
+    if callable(tolist):
+        value = tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(item) for item in value]
+    if isinstance(value, dict):
+        return {plain(key): plain(item) for key, item in value.items()}
+    for kind, base in ((int, int.__int__), (float, float.__float__), (str, str.__str__)):
+        if isinstance(value, kind) and not isinstance(value, bool):
+            return base(value)
+    return value
 
 
 def _literal(value: Any) -> str:
-    value = _python(value)
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, int):
         if not -(2**63) <= value < 2**63:
             raise TypeError(f"{value} has more than 64 bits")
-        return int.__repr__(value)
+        return repr(value)
     if isinstance(value, float):
         if not math.isfinite(value):
             raise TypeError(f"{value} is not finite")
-        return float.__repr__(value)
+        return repr(value)
     if isinstance(value, str):
         return _text(value)
-    if isinstance(value, (list, tuple)):
+    if isinstance(value, list):
         return f"[{', '.join(_literal(item) for item in value)}]"
     if isinstance(value, dict):
         return f"{{ {', '.join(f'{_key(key)} = {_literal(item)}' for key, item in value.items())} }}"

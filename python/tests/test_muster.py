@@ -2,6 +2,7 @@
 
 import csv
 import itertools
+import json
 import os
 import pathlib
 import re
@@ -314,6 +315,39 @@ def campaigns_are_tables():
     assert [row["run"] for row in rows] == [0, 1, 2, 3, 4, 5]
 
 
+def rows_have_plain_values_that_tables_take(sim):
+    import numpy
+
+    field, missions = "agent.parameters.x", [ROOT / f"scenarios/missions/{name}.waypoints" for name in ("field", "paddock")]
+    for varied, values, plain, cells in (
+        ("mission.file", missions, [str(path) for path in missions], [str(path) for path in missions]),
+        (field, [numpy.float64(0.5), 1], [0.5, 1], [0.5, 1.0]),
+        (field, [1, "a"], [1, "a"], ["1", '"a"']),
+        (field, [True, 0.5], [True, 0.5], ["true", "0.5"]),
+        (field, [numpy.array([1, 2]), (3,)], [[1, 2], [3]], ["[1, 2]", "[3]"]),
+        (field, [{"a": numpy.int64(1)}, {"a": (missions[0],)}], [{"a": 1}, {"a": [str(missions[0])]}], None),
+    ):
+        rows = sim.agents(Greedy).campaign([1], vary={varied: iter(values)})
+        assert [row[varied] for row in rows] == plain, rows
+        assert [type(row[varied]) for row in rows] == [type(value) for value in plain]
+        assert rows.to_arrow()[varied].to_pylist() == (cells or [json.dumps(value) for value in plain])
+        assert list(rows.to_pandas()[varied]) == plain
+
+
+def columns_have_the_same_types_in_each_campaign(sim):
+    import pyarrow
+
+    flown = [sim.agents(Greedy).campaign([2**63 - 1]), muster.Sim("two-swarms").campaign([1])]
+    assert [row["election_max_s"] is None for [row] in flown] == [True, False]
+    broken = muster.Campaign({**row, "rule": 3, "violation": "too near"} for row in flown[0])
+    assert {"observed", *muster.Campaign._types} == set(broken[0])
+    assert broken.to_arrow()["rule"].to_pylist() == [3]
+    assert pyarrow.null() not in flown[0].to_arrow().schema.types
+    for rows in (flown[1], broken):
+        assert rows.to_arrow().schema == flown[0].to_arrow().schema
+        assert rows.to_pandas().dtypes.equals(flown[0].to_pandas().dtypes)
+
+
 def rows_are_those_of_the_command(folder):
     """With the program `muster`, also all figures; `.ci/python` gives it."""
     rows = muster.Sim("two-swarms").campaign(range(2), vary={"radio.loss": [0, 0.05]})
@@ -391,6 +425,8 @@ def main():
         objects_that_are_no_agents_are_refused(sim)
         plot_of_an_unknown_value_names_what_was_observed(sim)
         parameters_have_the_values_that_were_set(sim)
+        rows_have_plain_values_that_tables_take(sim)
+        columns_have_the_same_types_in_each_campaign(sim)
         parameters_that_are_not_finite_are_floats(folder)
         rows_are_those_of_the_command(folder)
         campaigns_count_failures_and_have_observed_values(sim)
