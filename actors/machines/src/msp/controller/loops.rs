@@ -225,8 +225,7 @@ impl ControlLoops {
                 self.lift = Lift::Ground;
                 return Sticks::IDLE;
             }
-            // Not heard, unless the pilot gives the sticks back.
-            Hands::Others => return self.control.level(tilt),
+            Hands::Others => return self.stand_by(tilt),
             Hands::Pilot | Hands::Link => {}
         }
         let had_setpoint = self.before.is_some_and(|it| it.setpoint.is_some());
@@ -255,6 +254,20 @@ impl ControlLoops {
         self.follow(now, stage, &estimate, seconds)
             // Right after a restart in the air; else on the ground, before the first setpoint.
             .unwrap_or_else(|| self.level_if(was_flying, tilt))
+    }
+
+    /// Sticks of a vehicle that others fly: not heard, unless the pilot gives the sticks back.
+    fn stand_by(&mut self, tilt: Tilt) -> Sticks {
+        self.estimator.set_ground_where_armed();
+        let may_fly = match self.estimator.estimate() {
+            Some(estimate) => {
+                let climb_mps = -estimate.velocity.0.z;
+                self.lift.look(estimate.position.altitude_m(), climb_mps);
+                self.lift == Lift::Left
+            }
+            None => self.lift != Lift::Ground,
+        };
+        self.level_if(may_fly, tilt)
     }
 
     /// Sticks that follow the reference; `None` before the first setpoint.

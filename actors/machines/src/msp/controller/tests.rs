@@ -187,6 +187,30 @@ impl Bench {
         }
     }
 
+    /// 20 ms go by at a height with a climb rate, with a fix and a status with these modes at their end.
+    fn rise(&mut self, altitude_cm: i32, climb_cmps: i16, modes: u32) {
+        self.wait(20);
+        let altitude = Altitude {
+            altitude_cm,
+            climb_cmps,
+        };
+        self.give(Input::Port(PortEvent::Telemetry(MspTelemetry::Altitude(
+            altitude,
+        ))));
+        self.give(Input::Port(fix()));
+        self.give(Input::Port(status(modes)));
+    }
+
+    /// Rises from the ground to 10 m, and stays there for a while.
+    fn rise_to_10_m(&mut self, modes: u32) {
+        for altitude_cm in 0..1_000 {
+            self.rise(altitude_cm, 50, modes);
+        }
+        for _ in 0..50 {
+            self.rise(1_000, 0, modes);
+        }
+    }
+
     fn drain(&mut self) {
         loop {
             match self.link.poll_output() {
@@ -297,25 +321,13 @@ fn vehicle_that_is_met_in_the_air_by_a_link_that_knows_nothing_sinks_slowly() {
 #[test]
 fn vehicle_that_a_pilot_hands_over_in_the_air_stays_there() {
     let mut bench = Bench::ready(Receiver::Override);
-    let rise = |bench: &mut Bench, modes: u32, range: std::ops::Range<i32>| {
-        for altitude_cm in range {
-            bench.wait(20);
-            let altitude = Altitude {
-                altitude_cm,
-                climb_cmps: if altitude_cm < 1_000 { 50 } else { 0 },
-            };
-            bench.give(Input::Port(PortEvent::Telemetry(MspTelemetry::Altitude(
-                altitude,
-            ))));
-            bench.give(Input::Port(fix()));
-            bench.give(Input::Port(status(modes)));
-        }
-    };
-    rise(&mut bench, ARM, 0..2);
+    for altitude_cm in 0..2 {
+        bench.rise(altitude_cm, 50, ARM);
+    }
     assert_eq!(bench.throttle(), 1_000, "on the ground");
-    rise(&mut bench, ARM, 2..1_000);
+    bench.rise_to_10_m(ARM);
     for _ in 0..50 {
-        rise(&mut bench, ARM | OVERRIDE, 1_000..1_001);
+        bench.rise(1_000, 0, ARM | OVERRIDE);
         assert!(bench.throttle() > 1_200, "{:?}", bench.rc);
     }
     let hold = bench.checkpoint.unwrap().flight.unwrap().setpoint;

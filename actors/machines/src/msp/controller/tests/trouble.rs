@@ -9,12 +9,17 @@ use crate::msp::controller::control::Control;
 fn pilot_who_takes_over_is_not_fought() {
     let mut bench = Bench::flying(Receiver::Override, ARM | OVERRIDE);
     assert!(bench.throttle() > 1_200);
+    for altitude_cm in 0..200 {
+        bench.rise(altitude_cm, 50, ARM | OVERRIDE);
+    }
     bench.give(Input::Port(status(ARM)));
     assert!(!bench.telemetry.last().unwrap().landing, "once is noise");
     bench.give(Input::Port(status(ARM)));
     assert!(bench.telemetry.last().unwrap().landing);
     // Sticks that are given back by mistake neither lean nor stop the motors.
-    bench.pass(1_000, ARM | OVERRIDE);
+    for _ in 0..50 {
+        bench.rise(200, 0, ARM | OVERRIDE);
+    }
     let sticks = bench.rc.unwrap().sticks();
     assert_eq!(
         (sticks.roll, sticks.pitch),
@@ -22,6 +27,29 @@ fn pilot_who_takes_over_is_not_fought() {
     );
     assert!((1_250..1_350).contains(&sticks.throttle.us()), "it hovers");
     assert!(bench.telemetry.last().unwrap().landing);
+}
+
+#[test]
+fn sticks_that_are_given_back_on_the_ground_turn_no_motor() {
+    for between in [ARM, 0] {
+        let mut bench = Bench::ready(Receiver::Override);
+        bench.pass(300, ARM | OVERRIDE);
+        bench.pass(300, ARM);
+        bench.pass(300, between);
+        bench.pass(300, ARM | OVERRIDE);
+        assert_eq!(bench.throttle(), 1_000, "{between}");
+    }
+}
+
+#[test]
+fn sticks_that_are_taken_on_the_ground_and_given_back_in_the_air_hover() {
+    let mut bench = Bench::ready(Receiver::Override);
+    bench.pass(300, ARM | OVERRIDE);
+    bench.rise_to_10_m(ARM);
+    for _ in 0..50 {
+        bench.rise(1_000, 0, ARM | OVERRIDE);
+    }
+    assert!((1_250..1_350).contains(&bench.throttle()));
 }
 
 #[test]
