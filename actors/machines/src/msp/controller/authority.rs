@@ -95,6 +95,11 @@ impl Authority {
         self.taken.is_links()
     }
 
+    /// Whether a pilot may fly it, and arm it.
+    pub(super) const fn has_pilot(&self) -> bool {
+        matches!(self.receiver, Receiver::Override)
+    }
+
     /// Whether a pilot has the sticks and has not handed them over.
     pub(super) fn is_waiting(&self) -> bool {
         self.receiver == Receiver::Override && self.taken.handover == Handover::None

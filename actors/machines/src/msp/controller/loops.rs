@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use muster_msp::Sticks;
 
+use super::authority::Handover;
 use super::checkpoint::Flight;
 use super::config::{Config, Stage};
 use super::control::{Control, Lean};
@@ -145,15 +146,25 @@ impl ControlLoops {
         self.guidance.target()
     }
 
-    /// The vehicle was armed, by a pilot or by the link. `is_met`: it was when the controller was met.
-    pub(super) fn arm(&mut self, is_met: bool) {
-        if is_met {
-            self.lift = Lift::Unknown;
-            self.estimator.set_ground_where_armed();
-        } else {
-            self.lift = Lift::Ground;
-            self.estimator.forget_height();
+    /// The vehicle was armed, by a pilot or by the link: it stands.
+    pub(super) fn arm(&mut self, now: Timestamp) {
+        self.lift = Lift::Ground;
+        self.estimator.forget_height(now);
+    }
+
+    /// The vehicle was found armed: it may be in the air. Not if the link had the sticks on the ground before a restart.
+    /// `was_disarmed`: it was when it was last heard.
+    pub(super) fn meet(&mut self, now: Timestamp, was_disarmed: bool) {
+        if was_disarmed {
+            self.estimator.forget_height(now);
         }
+        let stood = self
+            .before
+            .is_some_and(|it| it.taken.handover == Handover::Given && !it.is_landing);
+        if self.lift == Lift::Ground && !stood {
+            self.lift = Lift::Unknown;
+        }
+        self.estimator.set_ground_where_armed();
     }
 
     /// Flies an armed vehicle to a setpoint.

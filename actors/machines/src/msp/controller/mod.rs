@@ -60,6 +60,8 @@ pub struct ControllerLink {
     authority: Authority,
     arming: Arming,
     loops: ControlLoops,
+    /// When the controller last said that it is disarmed, since its port was opened.
+    stood_at: Option<Timestamp>,
     deadline: Option<Timestamp>,
     outputs: Outputs,
 }
@@ -81,6 +83,7 @@ impl ControllerLink {
             authority: Authority::new(config.receiver, has_flown, taken, now),
             arming: Arming::new(config.receiver, has_flown, now),
             loops: ControlLoops::new(&config, before, now),
+            stood_at: None,
             deadline: None,
             outputs: Outputs::new(),
         };
@@ -193,6 +196,7 @@ impl ControllerLink {
     fn close(&mut self) {
         self.gate.close();
         self.reports.close();
+        self.stood_at = None;
         self.deadline = None;
         self.outputs.rc(None);
     }
@@ -208,18 +212,34 @@ impl ControllerLink {
         let Some(identity) = self.gate.identity() else {
             return;
         };
-        let is_first = self.reports.last().is_none();
-        self.reports.take(Reported::of(status, &identity.boxes));
+        let was_armed = self.reports.current().is_some_and(|it| it.armed);
+        let last = self.reports.last();
+        let said = Reported::of(status, &identity.boxes);
+        self.reports.take(said);
         let Some(reported) = self.reports.current() else {
             return;
         };
-        if reported.armed && !self.arming.has_flown() {
-            self.loops.arm(is_first);
+        if reported.armed && !was_armed {
+            self.meet_armed(now, last);
+        }
+        if !said.armed {
+            self.stood_at = Some(now);
         }
         self.loops.estimator.stand(now, !reported.armed);
         self.authority.take(now, reported);
         self.deadline.get_or_insert(now + PERIOD);
         self.step(now);
+    }
+
+    /// It is armed, and was not, as far as is known. A pilot may have taken off while nothing was heard. `last`: what it said last.
+    fn meet_armed(&mut self, now: Timestamp, last: Option<Reported>) {
+        let (has_pilot, has_flown) = (self.authority.has_pilot(), self.arming.has_flown());
+        let stood = self.stood_at.is_some_and(|at| now.since(at) <= LOST_AFTER);
+        if last.is_none() && !has_flown || has_pilot && !stood {
+            self.loops.meet(now, last.is_some_and(|it| !it.armed));
+        } else if !has_flown {
+            self.loops.arm(now);
+        }
     }
 
     /// Goes on with what was flown before a restart, once the controller is known. An aircraft that was brought down meanwhile

@@ -77,8 +77,10 @@ impl Height {
         *self.ground_m.get_or_insert(0.0)
     }
 
-    /// Forgets the barometer's height: Betaflight counts it from where it was armed.
-    pub(super) const fn forget(&mut self) {
+    /// Forgets the barometer's height: Betaflight counts it from where it was armed. The next one counts as missing
+    /// from now.
+    pub(super) const fn forget(&mut self, now: Timestamp) {
+        self.measured_at = now;
         if self.posed_at.is_none() {
             self.axis = None;
             self.ground_m = None;

@@ -130,8 +130,8 @@ impl Estimator {
     }
 
     /// Forgets the barometer's height: Betaflight counts it from where it was armed.
-    pub(super) const fn forget_height(&mut self) {
-        self.height.forget();
+    pub(super) const fn forget_height(&mut self, now: Timestamp) {
+        self.height.forget(now);
     }
 
     /// The motion now. `None` before the first height. Before the first position it is home's.

@@ -201,3 +201,60 @@ fn an_aircraft_that_was_high_and_is_found_on_the_ground_gets_no_rc_until_it_has_
         assert!(!down.telemetry.last().unwrap().armed, "{receiver:?}");
     }
 }
+
+/// Rounds in a hover at 10 m: by hand, then handed over. Returns the least throttle once it was handed over.
+fn hand_over_in_a_hover(bench: &mut Bench) -> u16 {
+    for _ in 0..10 {
+        bench.rise(1_000, 0, ARM);
+    }
+    let rounds = (0..50).map(|_| {
+        bench.rise(1_000, 0, ARM | OVERRIDE);
+        bench.throttle()
+    });
+    rounds.skip(1).min().unwrap()
+}
+
+#[test]
+fn vehicle_that_is_handed_over_after_a_restart_in_a_pilots_hover_stays_there() {
+    let mut bench = Bench::ready(Receiver::Override);
+    bench.rise_to_10_m(ARM);
+    let config = staged(Stage::Sim, Receiver::Override);
+    let mut restarted = Bench::new(config, bench.checkpoint);
+    restarted.give(Input::Port(identity(*b"SITL")));
+    let least = hand_over_in_a_hover(&mut restarted);
+    assert!(least > 1_200, "{least}");
+}
+
+#[test]
+fn vehicle_that_a_pilot_flew_while_nothing_was_heard_stays_where_it_is_handed_over() {
+    for (closes, flew_before) in [(true, false), (false, false), (true, true), (false, true)] {
+        let mut bench = Bench::ready(Receiver::Override);
+        if flew_before {
+            bench.pass(500, ARM);
+        }
+        bench.pass(1_000, 0);
+        if closes {
+            bench.give(Input::Port(PortEvent::Closed));
+        }
+        bench.wait(30_000);
+        if closes {
+            bench.give(Input::Port(identity(*b"SITL")));
+        }
+        let least = hand_over_in_a_hover(&mut bench);
+        assert!(least > 1_200, "{closes} {flew_before}: {least}");
+    }
+}
+
+#[test]
+fn vehicle_that_stands_handed_over_when_its_link_restarts_turns_no_motor() {
+    let mut bench = Bench::ready(Receiver::Override);
+    bench.pass(500, ARM | OVERRIDE);
+    let config = staged(Stage::Sim, Receiver::Override);
+    let mut restarted = Bench::new(config, bench.checkpoint);
+    restarted.give(Input::Port(identity(*b"SITL")));
+    restarted.give(Input::Port(status(ARM | OVERRIDE)));
+    for _ in 0..50 {
+        assert_eq!(restarted.throttle(), 1_000);
+        restarted.pass(10, ARM | OVERRIDE);
+    }
+}
