@@ -181,8 +181,7 @@ impl Navigation {
             }
             self.set_progress(Progress::Planning);
         }
-        let may_hold = telemetry.armed && !telemetry.landing;
-        if self.health.is_position_lost() && may_hold && self.durable.goal != Some(Goal::Land) {
+        if self.health.is_position_lost() && self.may_hold(telemetry) {
             // A goal received meanwhile may have another hold altitude.
             let altitude_m = self.hold_altitude_m(now, telemetry);
             if self.hold_commanded_m != Some(altitude_m) {
@@ -210,6 +209,16 @@ impl Navigation {
                 is_airborne: telemetry.armed,
             });
         }
+    }
+
+    /// Whether a vehicle whose position is lost is to hold: it flies, and doesn't land. One that a pilot armed for a take-off that
+    /// has not begun stands.
+    fn may_hold(&self, telemetry: &Telemetry) -> bool {
+        let durable = &self.durable;
+        let stands = matches!(durable.goal, Some(Goal::TakeOff { .. }))
+            && durable.progress == Progress::Planning
+            && self.hold_commanded_m.is_none();
+        telemetry.armed && !telemetry.landing && !stands && durable.goal != Some(Goal::Land)
     }
 
     /// Altitude at which to hold on the spot, in metres above home: the goal's, or while others are on the way there that

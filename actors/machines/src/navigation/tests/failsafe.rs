@@ -149,6 +149,23 @@ fn drone_without_position_or_with_low_battery_is_not_armed() {
 }
 
 #[test]
+fn drone_that_is_armed_without_a_position_stays_on_the_ground() {
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
+    handle(&mut navigation, Input::Goal(arming_take_off()));
+    let armed = Telemetry {
+        armed: true,
+        ..ON_THE_GROUND
+    };
+    for (seconds, telemetry) in [(2.0, ON_THE_GROUND), (3.0, armed), (4.0, armed)] {
+        let output = handle(&mut navigation, position_lost_for_s(seconds, telemetry));
+        assert_eq!(output, [], "{seconds} s");
+    }
+    // It takes off once its position is known.
+    let output = handle(&mut navigation, Input::Telemetry(armed));
+    assert_eq!(leg(&output).0, Ned::HOME.at_altitude(30.0));
+}
+
+#[test]
 fn navigation_restarted_before_its_first_goal_requests_the_goal() {
     let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     let Output::Event(Event::Checkpoint(checkpoint)) = navigation.poll_output() else {
