@@ -126,7 +126,9 @@ impl HealthMonitor {
         report: &mut HealthReport,
     ) {
         let lost_for = telemetry.position_lost_for;
-        let is_position_lost = lost_for.is_some_and(|it| it >= POSITION_TIMEOUT);
+        // The link counts anew after its restart: a lost position stays lost until it is known.
+        let is_lost = |it| it >= POSITION_TIMEOUT || self.is_position_lost;
+        let is_position_lost = lost_for.is_some_and(is_lost);
         let was_lost = std::mem::replace(&mut self.is_position_lost, is_position_lost);
         report.position_regained = was_lost && !self.is_position_lost;
         let Some(lost_for) = lost_for else { return };

@@ -70,6 +70,16 @@ fn battery_failures_are_reported_once_and_again_after_clearing() {
 }
 
 #[test]
+fn lost_position_is_regained_only_once_it_is_known() {
+    let mut monitor = HealthMonitor::default();
+    check(&mut monitor, 50.0, lost_for(5.0));
+    let restarted = check(&mut monitor, 50.1, lost_for(0.1));
+    assert!(!restarted.position_regained && monitor.is_position_lost());
+    let found = check(&mut monitor, 50.2, FLYING);
+    assert!(found.position_regained && !monitor.is_position_lost());
+}
+
+#[test]
 fn position_may_be_missing_for_one_second() {
     let mut monitor = HealthMonitor::default();
     let report = check(&mut monitor, 50.0, lost_for(0.0));
