@@ -61,7 +61,7 @@ pub(super) enum Hands {
 pub(super) struct ControlLoops {
     /// What was flown before a restart, until it is taken up.
     before: Option<Flight>,
-    /// Where it was when it was first told to fly.
+    /// Where it was when it was first told to fly; of a tethered vehicle once its place is known.
     start: Option<Ned>,
     pub(super) estimator: Estimator,
     guidance: Guidance,
@@ -172,12 +172,25 @@ impl ControlLoops {
         self.estimator.set_ground();
         if let Some(estimate) = self.estimator.estimate() {
             self.before = None;
-            let start = *self.start.get_or_insert(estimate.position);
+            if stage != Stage::Tethered || self.estimator.lost_for(now).is_none() {
+                self.start.get_or_insert(estimate.position);
+            }
             let setpoint = match stage {
-                Stage::Tethered => tether::setpoint(start, setpoint),
+                Stage::Tethered => tether::setpoint(self.start, setpoint),
                 Stage::Sim | Stage::Bench | Stage::Flight => setpoint,
             };
             self.guidance.fly(now, setpoint, &estimate);
+        }
+    }
+
+    /// Binds a tethered vehicle that was told to fly before its place was known to where it is found.
+    fn bind(&mut self, now: Timestamp, stage: Stage, estimate: &Estimate) {
+        let is_due = stage == Stage::Tethered
+            && self.start.is_none()
+            && self.estimator.lost_for(now).is_none();
+        if let Some(setpoint) = self.guidance.setpoint().filter(|_| is_due) {
+            self.guidance.begin_anew(now, estimate);
+            self.fly(now, stage, setpoint);
         }
     }
 
@@ -289,12 +302,13 @@ impl ControlLoops {
         estimate: &Estimate,
         seconds: f64,
     ) -> Option<Sticks> {
+        self.bind(now, stage, estimate);
         let still_for = self.touchdown.still_for(now);
         let is_blind = self.estimator.is_blind(now);
         let reference = (self.guidance).reference(now, estimate, still_for, is_blind)?;
-        let reference = match (stage, self.start) {
-            (Stage::Tethered, Some(start)) => tether::reference(start, reference),
-            _ => reference,
+        let reference = match stage {
+            Stage::Tethered => tether::reference(self.start, reference),
+            Stage::Sim | Stage::Bench | Stage::Flight => reference,
         };
         let is_free = self.lift == Lift::Left && !self.touchdown.is_pressed();
         let lean = match self.estimator.lost_for(now) {

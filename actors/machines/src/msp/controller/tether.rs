@@ -24,15 +24,16 @@ pub(super) const fn gains(gains: Gains) -> Gains {
     }
 }
 
-/// The nearest place within reach of `start`, where the vehicle took off.
-fn within(start: Ned, place: Ned) -> Ned {
+/// The nearest place within reach of `start`, where the vehicle took off; while that is not known only the height is bounded.
+fn within(start: Option<Ned>, place: Ned) -> Ned {
+    let start = start.unwrap_or(place);
     let away = (place - start).0.xy().cap_magnitude(TETHER_RADIUS_MAX_M);
     let altitude_m = place.altitude_m().min(TETHER_HEIGHT_MAX_M);
     Ned::new(start.0.x + away.x, start.0.y + away.y, -altitude_m)
 }
 
 /// A setpoint within reach.
-pub(super) fn setpoint(start: Ned, setpoint: Setpoint) -> Setpoint {
+pub(super) fn setpoint(start: Option<Ned>, setpoint: Setpoint) -> Setpoint {
     let mut capped = setpoint;
     match &mut capped {
         Setpoint::Leg { to, .. } | Setpoint::Track { to, .. } => *to = within(start, *to),
@@ -42,7 +43,7 @@ pub(super) fn setpoint(start: Ned, setpoint: Setpoint) -> Setpoint {
 }
 
 /// A reference within reach: at its edge the vehicle is to stand still.
-pub(super) fn reference(start: Ned, reference: Reference) -> Reference {
+pub(super) fn reference(start: Option<Ned>, reference: Reference) -> Reference {
     let position = within(start, reference.position);
     let beyond = (reference.position - position).0;
     let mut capped = Reference {
@@ -105,7 +106,7 @@ mod tests {
 
     #[test]
     fn reference_stands_still_at_the_edge_and_moves_freely_within() {
-        let start = Ned::new(10.0, 0.0, 0.0);
+        let start = Some(Ned::new(10.0, 0.0, 0.0));
         let moving = |position| Reference {
             position,
             velocity: Velocity::new(1.0, 1.0, -1.0),
@@ -120,5 +121,8 @@ mod tests {
         let high = reference(start, moving(Ned::new(10.0, 0.0, -3.0)));
         assert_eq!(high.position, Ned::new(10.0, 0.0, -2.0));
         assert_eq!(high.acceleration, Vector3::new(1.0, 1.0, 0.0));
+        let unbound = reference(None, moving(Ned::new(50.0, 0.0, -3.0)));
+        assert_eq!(unbound.position, Ned::new(50.0, 0.0, -2.0));
+        assert_eq!(unbound.velocity, Velocity::new(1.0, 1.0, 0.0));
     }
 }

@@ -78,3 +78,34 @@ fn a_tether_stops_a_mission_at_its_edge_also_after_a_restart() {
     restarted.give(Input::FlightCommand(far));
     assert!(target(&restarted).distance_m(edge) < 1e-9);
 }
+
+#[test]
+fn vehicle_that_is_told_to_fly_before_its_place_is_known_is_tethered_where_it_is_found() {
+    let config = staged(Stage::Tethered, Receiver::Override);
+    let mut bench = Bench::new(config, None);
+    bench.give(Input::Port(granted(*b"S405", Stage::Tethered)));
+    bench.give(Input::Port(status(0)));
+    let pass = |bench: &mut Bench, gps: Option<PortEvent>| {
+        for _ in 0..10 {
+            bench.wait(100);
+            let altitude = PortEvent::Telemetry(MspTelemetry::Altitude(Altitude::default()));
+            let status = status(ARM | OVERRIDE);
+            for event in gps.iter().cloned().chain([altitude, status]) {
+                bench.give(Input::Port(event));
+            }
+        }
+    };
+    pass(&mut bench, None);
+    bench.give(Input::FlightCommand(up()));
+    pass(&mut bench, None);
+    assert_eq!(bench.link.loops.start(), None);
+    let mut found = fix();
+    if let PortEvent::Telemetry(MspTelemetry::Gps(gps)) = &mut found {
+        gps.latitude_e7 += 4_500;
+    }
+    pass(&mut bench, Some(found));
+    let start = bench.link.loops.start().unwrap();
+    assert!((start.north_m() - 50.0).abs() < 1.0, "{start:?}");
+    let target = bench.link.loops.target().unwrap();
+    assert!(target.distance_m(start) < TETHER_RADIUS_MAX_M + TETHER_HEIGHT_MAX_M);
+}
