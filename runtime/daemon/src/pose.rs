@@ -27,7 +27,7 @@ pub struct Message {
     pub east_m: f64,
     /// Below home, in metres.
     pub down_m: f64,
-    /// Standard deviation on each axis, in metres; at least 0.001.
+    /// Standard deviation on each axis, in metres; from 0.001 to 1.
     pub sigma_m: f64,
     /// Time since it was measured, in milliseconds; at most 500.
     pub age_ms: f64,
@@ -61,7 +61,8 @@ impl Message {
         let message: Self = serde_json::from_slice(datagram).ok()?;
         let age_s = message.age_ms / 1_000.0;
         let place_m = [message.north_m, message.east_m, message.down_m];
-        if place_m.iter().any(|it| it.abs() > PLACE_MAX_M) {
+        let is_far = place_m.iter().any(|it| it.abs() > PLACE_MAX_M);
+        if is_far || !Pose::SIGMA_M.contains(&message.sigma_m) {
             return None;
         }
         Some(Pose {
@@ -119,12 +120,15 @@ mod tests {
 
     #[test]
     fn what_is_no_pose_is_refused() {
-        let bad: [&[u8]; 5] = [
+        let bad: [&[u8]; 8] = [
             b"",
             b"{}",
             br#"{"north_m":1,"east_m":2,"down_m":3,"sigma_m":0.1,"age_ms":-1}"#,
             br#"{"north_m":1,"east_m":2,"down_m":3,"sigma_m":0.1,"age_ms":1e300}"#,
             br#"{"north_m":1,"east_m":-2e5,"down_m":3,"sigma_m":0.1,"age_ms":1}"#,
+            br#"{"north_m":1,"east_m":2,"down_m":3,"sigma_m":0,"age_ms":1}"#,
+            br#"{"north_m":1,"east_m":2,"down_m":3,"sigma_m":500,"age_ms":1}"#,
+            br#"{"north_m":1,"east_m":2,"down_m":3,"sigma_m":1.8e308,"age_ms":1}"#,
         ];
         for datagram in bad {
             assert_eq!(Message::read(datagram), None);

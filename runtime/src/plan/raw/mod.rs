@@ -29,8 +29,8 @@ pub use self::names::{
 };
 pub use self::numbers::{
     FrameRate, Gain, Gusts, Heading, Height, IntegralGain, Lean, Length, Microseconds,
-    Milliseconds, Offset, PartsPerMillion, Payload, Rate, Seconds, SecondsFrom0, Seed, Shape,
-    Share, Sigma, Throttle, TurnRate, Velocity, Volts, Wear, Whole, Wind,
+    Milliseconds, Offset, PartsPerMillion, Payload, PoseSigma, Rate, Seconds, SecondsFrom0, Seed,
+    Shape, Share, Sigma, Throttle, TurnRate, Velocity, Volts, Wear, Whole, Wind,
 };
 pub(super) use self::reference::reference;
 pub use self::vehicle::{Aircraft, FlowSensor, Gains, PoseSensor, Vehicle};

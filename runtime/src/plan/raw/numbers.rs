@@ -66,6 +66,7 @@ number!(SecondsFrom0, "a time", 0.0, 604_800.0, " (a week)");
 number!(Shape, "a shape", 0.5, 100.0);
 number!(Share, "a share", 0.0, 1.0);
 number!(Sigma, "a standard deviation", 0.001, 100.0);
+number!(PoseSigma, "a standard deviation", 0.001, 1.0);
 number!(Volts, "a voltage", 0.01, 100.0);
 number!(TurnRate, "a rate of turn", 1.0, 2_000.0);
 number!(Heading, "an angle", -360.0, 360.0);

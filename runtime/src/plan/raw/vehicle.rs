@@ -5,8 +5,8 @@ use schemars::JsonSchema;
 use serde::Deserialize;
 
 use super::{
-    Gain, Gusts, Height, IntegralGain, Lean, Payload, Rate, ReceiverName, Seconds, Share, Sigma,
-    Throttle, VehicleKindName, Wear, Whole, Wind,
+    Gain, Gusts, Height, IntegralGain, Lean, Payload, PoseSigma, Rate, ReceiverName, Seconds,
+    Share, Sigma, Throttle, VehicleKindName, Wear, Whole, Wind,
 };
 use crate::schema::{Located, Or};
 
@@ -93,7 +93,7 @@ pub struct Gains {
 pub struct PoseSensor {
     /// Standard deviation on each axis, in metres.
     #[serde(default)]
-    pub sigma_m: Or<Sigma, 5, 100>,
+    pub sigma_m: Or<PoseSigma, 5, 100>,
     /// From one measurement to the next.
     #[serde(default)]
     pub period_ms: Or<Whole<10, 1_000>, 100>,

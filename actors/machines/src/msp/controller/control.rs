@@ -149,30 +149,21 @@ impl Control {
     ) -> Sticks {
         let gains = &self.gains;
         let distance = (reference.position - estimate.position).0;
-        let per_s = Vector3::new(
-            gains.position_per_s,
-            gains.position_per_s,
-            gains.height_per_s,
-        );
+        let per_s = per_axis(gains.position_per_s, gains.height_per_s);
         let correction = distance
             .component_mul(&per_s)
             .cap_magnitude(CORRECTION_MAX_MPS);
         let error = reference.velocity.0 + correction - estimate.velocity.0;
-        let per_s = Vector3::new(
-            gains.velocity_per_s,
-            gains.velocity_per_s,
-            gains.climb_per_s,
-        );
-        let per_s2 = Vector3::new(
-            gains.integral_per_s2,
-            gains.integral_per_s2,
-            gains.climb_integral_per_s2,
-        );
+        let per_s = per_axis(gains.velocity_per_s, gains.climb_per_s);
+        let per_s2 = per_axis(gains.integral_per_s2, gains.climb_integral_per_s2);
         let drag = Vector3::new(reference.velocity.0.x, reference.velocity.0.y, 0.0);
         let asked = reference.acceleration
             + drag * gains.drag_per_s
             + error.component_mul(&per_s)
             + self.integral;
+        if !asked.iter().all(|it| it.is_finite()) {
+            return self.level(tilt);
+        }
         let most = GRAVITY_MPS2 * libm::tan(gains.tilt_max_rad);
         let level = asked.xy().cap_magnitude(most);
         let is_level_beyond = level != asked.xy();
@@ -246,6 +237,10 @@ pub(super) fn deflection(tilt_rad: f64) -> f64 {
 fn throttle(hover: f64, up_mps2: f64, vertical_share: f64) -> f64 {
     let thrust = (GRAVITY_MPS2 + up_mps2) / GRAVITY_MPS2 / vertical_share.max(0.5);
     (hover * libm::sqrt(thrust.max(0.0))).clamp(THROTTLE_MIN, THROTTLE_MAX)
+}
+
+fn per_axis(level: f64, vertical: f64) -> Vector3<f64> {
+    Vector3::new(level, level, vertical)
 }
 
 fn within(limits: &RangeInclusive<f64>, value: f64) -> f64 {
@@ -428,6 +423,30 @@ mod tests {
             assert!((f64::from(stick.us()) - 1_500.0).abs() <= most - 1_500.0 + 1.0);
         }
         assert!(far.throttle.us() <= 1_900);
+    }
+
+    #[test]
+    fn what_is_no_number_levels_it_and_is_not_learnt() {
+        let mut control = Control::new(Gains::QUADCOPTER);
+        let mut step = |north_m| {
+            let here = estimate(north_m, 0.0, 0.0);
+            let free = (Lean::Free, false);
+            control.step(0.02, &reference(), &here, Tilt::default(), free)
+        };
+        let before = step(-1.0);
+        for wrong in [f64::NAN, f64::INFINITY] {
+            let level = step(wrong);
+            let hover_us = 1_000.0 + THROTTLE_US * Gains::QUADCOPTER.hover_throttle;
+            assert_eq!(
+                (level.roll, level.pitch),
+                (Channel::CENTRE, Channel::CENTRE)
+            );
+            assert!(
+                (f64::from(level.throttle.us()) - hover_us).abs() < 5.0,
+                "{level:?}"
+            );
+        }
+        assert_eq!(step(-1.0), before);
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! Input of a link from its port and from sensors.
 
+use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use muster_msp::{FlowReading, Identity, Telemetry as MspTelemetry};
@@ -35,8 +36,14 @@ pub enum PortEvent {
 pub struct Pose {
     /// In the drone's local frame.
     pub position: Ned,
-    /// Standard deviation on each axis, in metres.
+    /// Standard deviation on each axis, in metres; within [`Pose::SIGMA_M`].
     pub sigma_m: f64,
     /// Time since it was measured.
     pub age: Duration,
+}
+
+impl Pose {
+    /// Standard deviations of usable poses, in metres: what says less is wrong, and what may be off by more tells no position. The
+    /// greatest is that of optical flow. Ours.
+    pub const SIGMA_M: RangeInclusive<f64> = 0.001..=1.0;
 }

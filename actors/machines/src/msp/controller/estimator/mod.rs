@@ -40,8 +40,6 @@ pub(super) const GRAVITY_MPS2: f64 = 9.806_65;
 pub(super) const LOST_AFTER: Duration = Duration::from_millis(1_000);
 /// Fewest satellites of a usable fix: Betaflight's own `gps_rescue_min_sats`.
 const SATELLITES_MIN: u8 = 8;
-/// Smallest standard deviation of a pose, in metres: what says less is wrong.
-const SIGMA_MIN_M: f64 = 0.001;
 /// Age of a measurement up to which it is compared with where the vehicle was; an older one is rejected.
 const AGE_MAX: Duration = Duration::from_millis(500);
 /// Noise of the acceleration of a vehicle whose motors are off, in m/s² per √Hz. One that is carried begins anew.
@@ -271,15 +269,15 @@ impl Estimator {
         }
     }
 
-    /// Takes in a pose. One that is too old, or not a number, is rejected. The estimate begins with some that agree.
+    /// Takes in a pose. One that is too old, too uncertain, or not a number, is rejected. The estimate begins with some that agree.
     pub(super) fn measure_pose(&mut self, now: Timestamp, pose: &Pose) {
         let Pose {
             position,
             sigma_m,
             age,
         } = *pose;
-        let is_finite = position.0.iter().chain([&sigma_m]).all(|it| it.is_finite());
-        if !is_finite || sigma_m < SIGMA_MIN_M || age > AGE_MAX {
+        let is_finite = position.0.iter().all(|it| it.is_finite());
+        if !is_finite || !Pose::SIGMA_M.contains(&sigma_m) || age > AGE_MAX {
             return;
         }
         let up_m = position.altitude_m() + self.height.set_ground_where_armed();

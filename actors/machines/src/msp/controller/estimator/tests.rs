@@ -132,6 +132,14 @@ fn a_pose_that_is_old_or_no_number_is_rejected() {
             ..good
         },
         Pose {
+            sigma_m: 1.1,
+            ..good
+        },
+        Pose {
+            sigma_m: f64::MAX,
+            ..good
+        },
+        Pose {
             age: Duration::from_secs(2),
             ..good
         },
@@ -147,6 +155,28 @@ fn a_pose_that_is_old_or_no_number_is_rejected() {
         estimator.measure_pose(at(f64::from(tenths) / 10.0), &good);
     }
     assert_eq!(estimator.lost_for(at(0.8)), None);
+    let here = estimator.estimate().unwrap().position;
+    assert!(here.distance_m(good.position) < 0.1, "{here:?}");
+}
+
+#[test]
+fn position_is_lost_while_poses_say_that_they_may_be_anywhere() {
+    let mut estimator = estimator();
+    let mut pose = Pose {
+        position: Ned::HOME,
+        sigma_m: 0.05,
+        age: Duration::from_millis(100),
+    };
+    for tenths in 1..60 {
+        let now = at(f64::from(tenths) / 10.0);
+        estimator.predict(now);
+        estimator.measure_pose(now, &pose);
+        if tenths == 30 {
+            assert_eq!(estimator.lost_for(now), None);
+            pose.sigma_m = 500.0;
+        }
+    }
+    assert!(estimator.lost_for(at(6.0)).is_some());
 }
 
 #[test]
