@@ -44,7 +44,7 @@ const fn hold(altitude_m: f64) -> Setpoint {
 /// Who has the sticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Hands {
-    /// The motors are off.
+    /// The motors are off, or are to stop.
     None,
     /// A pilot or the controller's failsafe, who took them from the link.
     Others,
@@ -362,10 +362,10 @@ impl ControlLoops {
         self.estimator.height_age(now) > HEIGHT_LOST_AFTER
     }
 
-    /// Whether a vehicle that lands has come to the ground.
-    pub(super) fn has_landed(&mut self, now: Timestamp) -> bool {
+    /// Whether a vehicle that the link (`is_links`) lands has come to the ground.
+    pub(super) fn has_landed(&mut self, now: Timestamp, is_links: bool) -> bool {
         let estimate = self.estimator.estimate();
-        let descent = estimate.filter(|_| self.guidance.is_landing());
+        let descent = estimate.filter(|_| is_links && self.guidance.is_landing());
         let descent = descent.map(|estimate| Descent {
             down_mps2: self.control.sure_down_mps2(),
             height_m: estimate.position.altitude_m(),

@@ -60,6 +60,8 @@ pub struct ControllerLink {
     authority: Authority,
     arming: Arming,
     loops: ControlLoops,
+    /// Its motors are to stop, and it is still armed.
+    is_stopped: bool,
     /// When the controller last said that it is disarmed, since its port was opened.
     stood_at: Option<Timestamp>,
     deadline: Option<Timestamp>,
@@ -83,6 +85,7 @@ impl ControllerLink {
             authority: Authority::new(config.receiver, has_flown, taken, now),
             arming: Arming::new(config.receiver, has_flown, now),
             loops: ControlLoops::new(&config, before, now),
+            is_stopped: false,
             stood_at: None,
             deadline: None,
             outputs: Outputs::new(),
@@ -259,6 +262,7 @@ impl ControllerLink {
             return;
         };
         self.loops.estimator.predict(now);
+        self.is_stopped &= self.is_armed();
         self.detect_end(now);
         if self.is_armed() && self.loops.is_height_lost(now) && self.authority.give_up() {
             self.lose(now);
@@ -282,6 +286,8 @@ impl ControllerLink {
             Hands::Others
         } else if self.authority.is_waiting() {
             Hands::Pilot
+        } else if self.is_stopped {
+            Hands::None
         } else {
             Hands::Link
         }
@@ -294,12 +300,20 @@ impl ControllerLink {
         let remedy = self.loops.detect_impairment(now, is_flown);
         self.must_land |= remedy.must_land;
         if remedy.must_stop_motors {
-            self.arming.end();
+            self.stop_motors();
         }
         self.land_if_due(now);
-        if self.loops.has_landed(now) {
-            self.arming.end();
+        let is_links = self.hands() == Hands::Link;
+        if self.loops.has_landed(now, is_links) {
+            self.stop_motors();
         }
+    }
+
+    /// The arm switch goes low, for good; where a pilot has it the link gives idle sticks until it has disarmed. What the pilot flies
+    /// then, and hands over, is flown.
+    fn stop_motors(&mut self) {
+        self.arming.end();
+        self.is_stopped |= self.hands() == Hands::Link;
     }
 
     fn telemetry(&self, now: Timestamp) -> Telemetry {

@@ -86,14 +86,15 @@ fn rolled(deg: i16) -> Input {
     })))
 }
 
+fn tip(bench: &mut Bench, deg: i16) {
+    for _ in 0..2 {
+        bench.give(rolled(deg));
+    }
+}
+
 #[test]
 fn a_vehicle_that_tips_over_is_righted_and_lands_and_one_that_lies_stops_its_motors() {
     let mut bench = Bench::flying(Receiver::Sole, ARM);
-    let tip = |bench: &mut Bench, deg| {
-        for _ in 0..2 {
-            bench.give(rolled(deg));
-        }
-    };
     tip(&mut bench, 80);
     bench.pass(200, ARM);
     assert!(
@@ -123,4 +124,39 @@ fn a_vehicle_too_heavy_to_leave_the_ground_lands_there() {
     let last = *bench.telemetry.last().unwrap();
     assert_eq!(last.landing_cause, Some(LandingCause::Thrust));
     assert!(!bench.is_arm_high());
+}
+
+#[test]
+fn sticks_are_idle_once_the_motors_are_to_stop_and_a_pilot_has_the_arm_switch() {
+    let mut tipped = Bench::piloted(Stage::Flight, Stage::Flight);
+    tip(&mut tipped, 80);
+    tipped.pass(2_600, ARM | OVERRIDE);
+    assert_eq!(tipped.rc.unwrap().sticks(), Sticks::IDLE);
+    let mut landed = Bench::piloted(Stage::Flight, Stage::Flight);
+    landed.give(Input::FlightCommand(FlightCommand::Land));
+    landed.pass(20_000, ARM | OVERRIDE);
+    assert_eq!(landed.rc.unwrap().sticks(), Sticks::IDLE);
+    // Sticks that are taken and given back there turn no motor.
+    landed.pass(300, ARM);
+    landed.pass(300, ARM | OVERRIDE);
+    assert_eq!(landed.rc.unwrap().sticks(), Sticks::IDLE);
+}
+
+#[test]
+fn vehicle_that_a_pilot_flies_after_its_landing_is_not_dropped_when_it_is_handed_over() {
+    let mut bench = Bench::piloted(Stage::Flight, Stage::Flight);
+    bench.give(Input::FlightCommand(FlightCommand::Land));
+    bench.pass(20_000, ARM | OVERRIDE);
+    assert_eq!(bench.throttle(), 1_000);
+    bench.pass(500, 0);
+    for altitude_cm in 0..1_000 {
+        bench.rise(altitude_cm, 50, ARM);
+    }
+    for _ in 0..200 {
+        bench.rise(1_000, 0, ARM);
+    }
+    for _ in 0..50 {
+        bench.rise(1_000, 0, ARM | OVERRIDE);
+        assert!(bench.throttle() > 1_080, "{:?}", bench.rc);
+    }
 }
