@@ -211,8 +211,8 @@ impl Navigation {
         }
     }
 
-    /// Whether a vehicle whose position is lost is to hold: it flies, and doesn't land. One that a pilot armed for a take-off that
-    /// has not begun stands.
+    /// Whether a vehicle whose position is lost is to hold: it flies, and doesn't land. One that a pilot armed for a take-off
+    /// that has not begun stands.
     fn may_hold(&self, telemetry: &Telemetry) -> bool {
         let durable = &self.durable;
         let stands = matches!(durable.goal, Some(Goal::TakeOff { .. }))

@@ -43,7 +43,7 @@ pub struct Pose {
 }
 
 impl Pose {
-    /// Standard deviations of usable poses, in metres: what says less is wrong, and what may be off by more tells no position. The
-    /// greatest is that of optical flow. Ours.
+    /// Standard deviations of usable poses, in metres: what says less is wrong, and what may be off by more tells no position.
+    /// The greatest is that of optical flow. Ours.
     pub const SIGMA_M: RangeInclusive<f64> = 0.001..=1.0;
 }

@@ -234,7 +234,8 @@ impl ControllerLink {
         self.step(now);
     }
 
-    /// It is armed, and was not, as far as is known. A pilot may have taken off while nothing was heard. `last`: what it said last.
+    /// It is armed, and was not, as far as is known. A pilot may have taken off while nothing was heard.
+    /// `last`: what it said last.
     fn meet_armed(&mut self, now: Timestamp, last: Option<Reported>) {
         let (has_pilot, has_flown) = (self.authority.has_pilot(), self.arming.has_flown());
         let stood = self.stood_at.is_some_and(|at| now.since(at) <= LOST_AFTER);
@@ -309,8 +310,8 @@ impl ControllerLink {
         }
     }
 
-    /// The arm switch goes low, for good; where a pilot has it the link gives idle sticks until it has disarmed. What the pilot flies
-    /// then, and hands over, is flown.
+    /// The arm switch goes low, for good; where a pilot has it the link gives idle sticks until it has disarmed. What the
+    /// pilot flies then, and hands over, is flown.
     fn stop_motors(&mut self) {
         self.arming.end();
         self.is_stopped |= self.hands() == Hands::Link;

@@ -269,7 +269,7 @@ impl Estimator {
         }
     }
 
-    /// Takes in a pose. One that is too old, too uncertain, or not a number, is rejected. The estimate begins with some that agree.
+    /// Takes in a pose. One that is too old, too uncertain or no number is rejected. The estimate begins with some that agree.
     pub(super) fn measure_pose(&mut self, now: Timestamp, pose: &Pose) {
         let Pose {
             position,
