@@ -20,7 +20,7 @@ class Telemetry:
         """Metres per second north, east and up."""
     @property
     def has_arrived(self) -> bool:
-        """Whether the drone rests at the destination of `go_to`."""
+        """Whether the drone has just come to rest at the destination of `go_to`: true once for each call of it."""
 
 @final
 class SwarmEvent:

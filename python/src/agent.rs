@@ -22,7 +22,7 @@ pub(crate) struct Telemetry {
     position: Place,
     /// Metres per second north, east and up.
     velocity: Place,
-    /// Whether the drone rests at the destination of `go_to`.
+    /// Whether the drone has just come to rest at the destination of `go_to`: true once for each call of it.
     has_arrived: bool,
 }
 

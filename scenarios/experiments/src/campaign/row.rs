@@ -285,7 +285,7 @@ fn restarts(drone: &DroneReport) -> u64 {
 }
 
 /// Rounds to 15 significant digits, whatever the size of the value.
-fn to_15_digits(value: f64) -> f64 {
+pub(super) fn to_15_digits(value: f64) -> f64 {
     let rounded = format!("{value:.14e}").parse();
     rounded
         .ok()

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use muster_scenarios::report::command;
 
 use super::plan::Campaign;
-use super::row::{Row, or_empty, rounded};
+use super::row::{Row, or_empty, rounded, to_15_digits};
 use super::statistics::Estimate;
 
 /// A figure of a run that a summary estimates.
@@ -273,7 +273,10 @@ impl Summary {
         ];
         fields.extend(counts.map(|count| count.to_string()));
         let figures = self.estimates.iter().map(Option::as_ref);
-        for estimate in figures.chain(observed.iter().map(|name| self.observed.get(*name))) {
+        let figures = figures.map(|it| (it, rounded as fn(f64) -> f64));
+        let observed = observed.iter().map(|name| self.observed.get(*name));
+        let observed = observed.map(|it| (it, to_15_digits as fn(f64) -> f64));
+        for (estimate, rounded) in figures.chain(observed) {
             let interval = estimate.and_then(|it| it.interval);
             fields.extend([
                 or_empty(estimate.map(|it| rounded(it.median))),
@@ -307,8 +310,10 @@ mod tests {
         assert_eq!((with.runs, with.broken, with.violations), (8, 2, 4));
         assert_eq!(with.estimates, without.estimates);
         assert_eq!(with.observed, without.observed);
-        assert!((with.observed["finds"].median - 2.0).abs() < 1e-9);
+        assert!((with.observed["finds"].median - 3.2e-8).abs() < 1e-15);
         assert_eq!(with.values, ["0", "300"]);
+        let record = with.record(&BTreeSet::from(["finds"]));
+        assert_eq!(record[record.len() - 4], "0.000000032", "{record:?}");
         assert!(
             with.estimates
                 .iter()
