@@ -11,7 +11,7 @@ use pyo3::prelude::*;
 /// Time between two looks at Python's signals.
 pub(crate) const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// What was raised first in one call from Python, be it of one run or of a campaign.
+/// What was raised first in one call from Python, for a run or a campaign.
 #[derive(Default)]
 pub(crate) struct Interrupt {
     is_raised: AtomicBool,
