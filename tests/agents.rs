@@ -6,6 +6,8 @@
 mod contract;
 #[path = "../examples/agents/all.rs"]
 mod examples;
+#[path = "agents/leaving.rs"]
+mod leaving;
 #[path = "../src/command/new/agent/lib.rs.txt"]
 #[allow(unreachable_pub, reason = "in its own crate it is reachable")]
 mod template;

@@ -104,6 +104,8 @@ fn send(context: &mut Context<'_>, to: Destination, message: Message) -> Option<
 impl Agent for Mule {
     fn start(&mut self, context: &mut Context<'_>) {
         context.set_telemetry(None);
+        // Whom it meets next the mule knows, and nobody leads.
+        context.leave();
         if Self::is_mule(context) {
             context.set_timer(CALL, PERIOD);
             context.go_to(self.above(1, context));

@@ -28,6 +28,7 @@ class Mule:
 
     def start(self, cx):
         cx.set_telemetry(None)
+        cx.leave()
         if cx.id == cx.drones - 1:
             cx.set_timer(CALL, 1.0)
             cx.go_to(self.above(1, cx))

@@ -187,6 +187,7 @@ impl PyAgent {
                 Command::GoTo(to) => context.go_to(to),
                 Command::Track(at, velocity) => context.track(at, velocity),
                 Command::Hold => context.hold(),
+                Command::Leave => context.leave(),
                 Command::Land => context.land(),
                 Command::Send {
                     token,

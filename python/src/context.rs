@@ -40,6 +40,7 @@ pub(crate) enum Command {
     GoTo(Ned),
     Track(Ned, Velocity),
     Hold,
+    Leave,
     Land,
     Send {
         token: u32,
@@ -233,6 +234,11 @@ impl Context {
     /// Comes to rest.
     fn hold(&mut self) -> PyResult<()> {
         self.commands.push(Command::Hold)
+    }
+
+    /// Leaves the swarm: no heartbeats, no leader, no elections; messages as before. It can't return.
+    fn leave(&mut self) -> PyResult<()> {
+        self.commands.push(Command::Leave)
     }
 
     /// Descends on the spot and disarms. The agent is not called any more.

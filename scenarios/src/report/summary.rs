@@ -260,7 +260,7 @@ fn when(state: State) -> String {
         State::Start => "at the start".to_owned(),
         State::SetUp | State::NeighbourDiscovery | State::HopUpdate => format!("during {state}"),
         State::WaypointReached { waypoint } => format!("at waypoint {waypoint}"),
-        State::OnTask => "on task".to_owned(),
+        State::OnTask | State::Independent => "on task".to_owned(),
         State::Finished => "after its landing".to_owned(),
         _ => format!("while {state}"),
     }

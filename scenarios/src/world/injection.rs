@@ -62,7 +62,7 @@ impl Phase {
             State::MovingToWaypoint { .. } => Self::Flying,
             State::ChangingFormation { .. } => Self::Changing,
             State::Following | State::Assembling => Self::Following,
-            State::OnTask => Self::OnTask,
+            State::OnTask | State::Independent => Self::OnTask,
             State::MovingToLand | State::Landing => Self::Landing,
             State::Finished => Self::Down,
         }

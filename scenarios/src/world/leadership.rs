@@ -120,13 +120,15 @@ impl Leadership<'_> {
     }
 
     /// Whether a drone is in the air, flies the mission and can be led. A drone that lands without a
-    /// master, or with the mission over, may be on its last leg.
+    /// master, or with the mission over, may be on its last leg. One that has left the swarm can't be led.
     fn flies(self, id: NodeId) -> bool {
         let is_last_leg = matches!(
             self.landing_reason(id),
             Some(LandingReason::MasterSilent | LandingReason::MissionOver)
         );
-        self.state(id).is_on_mission() && !is_last_leg && self.processes[id].is_sound()
+        let state = self.state(id);
+        let is_led = state.is_on_mission() && state != State::Independent;
+        is_led && !is_last_leg && self.processes[id].is_sound()
     }
 
     /// Whether a drone may lead others that fly. One that goes to land alone leads until it announces that, once it has

@@ -126,6 +126,19 @@ impl Context<'_> {
         self.set_goal(Goal::Hold);
     }
 
+    /// Leaves the swarm: within its time to live this drone follows nobody, leads nobody and sends no heartbeats. The others
+    /// count it as lost. Three times in its time to live it still says where it flies, so that drones give way to each other.
+    ///
+    /// Messages go on: to neighbours, and over several hops through all that hear them. Members reach it once it has sent a
+    /// message that way.
+    ///
+    /// It can't return. [`Self::leader`] and [`Self::drones_on_task`] stay as they are, and [`Agent::swarm`](super::Agent::swarm)
+    /// is called for sent messages only. With succession `land`, a leader that leaves brings the others down. An operator's order
+    /// to land reaches members only.
+    pub const fn leave(&mut self) {
+        self.state.requests.leave();
+    }
+
     /// Comes to rest, descends on the spot and disarms. The agent is not called any more. The other drones are told.
     pub const fn land(&mut self) {
         self.state.requests.land();

@@ -226,6 +226,11 @@ impl Host {
         if let Some(messages) = self.state.requests.take_messages() {
             self.outbox.transmit(Transmit::Messages(messages));
         }
+        if self.state.requests.take_leaving() {
+            self.mission.leave();
+            self.take_mission_outputs();
+            self.is_leader_silent = false;
+        }
         if self.state.requests.take_landing() {
             self.mission.end_task(LandingReason::MissionOver);
             self.take_mission_outputs();

@@ -20,6 +20,7 @@ use crate::routing::Outgoing;
 pub(super) struct Requests {
     goal: Option<Goal>,
     kept: Option<Vec<u8>>,
+    leaves: bool,
     lands: bool,
     /// The new period of the telemetry, `None` in it for none.
     telemetry: Option<Option<Duration>>,
@@ -35,6 +36,7 @@ impl Requests {
         Self {
             goal: None,
             kept: None,
+            leaves: false,
             lands: false,
             telemetry: None,
             messages: Vec::new(),
@@ -46,6 +48,11 @@ impl Requests {
     /// Replaces the goal.
     pub(super) fn set_goal(&mut self, goal: Goal) {
         self.goal = Some(goal);
+    }
+
+    /// Requests to leave the swarm.
+    pub(super) const fn leave(&mut self) {
+        self.leaves = true;
     }
 
     /// Requests a landing.
@@ -132,6 +139,11 @@ impl Requests {
 
     pub(super) fn drain_observed(&mut self) -> impl Iterator<Item = Observed> {
         self.observed.drain(..)
+    }
+
+    /// Whether to leave the swarm was requested; the request is gone then.
+    pub(super) const fn take_leaving(&mut self) -> bool {
+        std::mem::replace(&mut self.leaves, false)
     }
 
     /// Whether a landing was requested; the request is gone then.

@@ -1,4 +1,5 @@
 mod failures;
+mod leaving;
 
 use std::num::NonZeroU32;
 use std::sync::{Arc, Mutex};
@@ -63,6 +64,7 @@ impl Agent for Recorder {
         match payload {
             b"land later" => context.set_timer(TimerId(8), SECOND),
             b"land" => context.land(),
+            b"leave" => context.leave(),
             b"go on" => context.go_to(Ned::new(90.0, 0.0, -10.0)),
             b"panic in a timer" => context.set_timer(TimerId(9), SECOND / 2),
             b"arrivals only" => context.set_telemetry(None),
@@ -466,27 +468,6 @@ fn elected_leader_publishes_the_drones_on_task_without_the_lost_one() {
         landing: NodeSet::default(),
     });
     assert_eq!(*drone.host.mission().drones_on_task(), ids(&[0, 1, 2]));
-}
-
-#[test]
-fn drone_that_is_not_in_its_slot_when_the_task_begins_lands() {
-    let mut drone = Drone::new(2);
-    let plan = Order::Plan {
-        index: 0,
-        count: 1,
-        waypoints: vec![Ned::new(0.0, 0.0, -25.0)],
-        holds: Vec::new(),
-    };
-    drone.order(1, &plan);
-    drone.order(2, &Order::TakeOff { wave: 0 });
-    let (_, events) = drone.order(
-        3,
-        &Order::Task {
-            drones: ids(&[1, 2]),
-        },
-    );
-    assert!(events.contains(&Event::Landing(LandingReason::Late)));
-    assert_eq!(drone.calls(), Vec::<String>::new());
 }
 
 #[test]

@@ -50,7 +50,21 @@ impl Path {
     /// Whether two drones, each anywhere on its path, may violate the separation: over ground and in height at once.
     #[must_use]
     pub fn violates(self, other: Self, separation: Separation) -> bool {
-        Tube::from(self).violates(other.into(), separation)
+        !self.is_far_from(other, separation) && Tube::from(self).violates(other.into(), separation)
+    }
+
+    /// Whether the bounding boxes of two paths are apart by the separation along an axis. This is cheap, and true of most paths.
+    fn is_far_from(self, other: Self, separation: Separation) -> bool {
+        let near_m = [
+            separation.horizontal_m,
+            separation.horizontal_m,
+            separation.vertical_m,
+        ];
+        (0..3).any(|axis| {
+            let (a, b) = (self.from.0[axis], self.to.0[axis]);
+            let (c, d) = (other.from.0[axis], other.to.0[axis]);
+            c.min(d) - a.max(b) >= near_m[axis] || a.min(b) - c.max(d) >= near_m[axis]
+        })
     }
 
     /// As [`Self::violates`], where the other drone may also descend from anywhere on its path.

@@ -58,6 +58,8 @@ pub enum State {
     Finished,
     /// In the air; the drone's agent decides where it flies.
     OnTask,
+    /// On task, and out of the swarm: it follows nobody and leads nobody.
+    Independent,
 }
 
 impl State {
@@ -73,7 +75,8 @@ impl State {
             | Self::ChangingFormation { .. }
             | Self::Following
             | Self::Assembling
-            | Self::OnTask => true,
+            | Self::OnTask
+            | Self::Independent => true,
             Self::Start | Self::SetUp | Self::MovingToLand | Self::Landing | Self::Finished => {
                 false
             }
@@ -130,6 +133,7 @@ impl fmt::Display for State {
             Self::Landing => f.write_str("landing"),
             Self::Finished => f.write_str("finished"),
             Self::OnTask => f.write_str("on task"),
+            Self::Independent => f.write_str("independent"),
         }
     }
 }

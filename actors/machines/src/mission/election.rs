@@ -200,7 +200,8 @@ impl Mission {
             | State::SetUp
             | State::MovingToLand
             | State::Landing
-            | State::Finished => return,
+            | State::Finished
+            | State::Independent => return,
         };
         let is_executing = self.durable.orders.pending.is_some();
         self.issue_order(&order);

@@ -63,7 +63,7 @@ impl Mission {
             // The path to the landing place leaves the fence.
             (State::MovingToLand, Failure::Geofence) => self.land_on_the_spot(reason),
             // Its slot is elsewhere, and its destination known to its agent only.
-            (State::OnTask, _) => self.land_on_the_spot(reason),
+            (State::OnTask | State::Independent, _) => self.land_on_the_spot(reason),
             (State::Following, _) if self.durable.lead.is_some() => self.end_following_for(reason),
             (State::Following, _) | (_, Failure::Geofence) => {
                 let centre = stop - self.layout().slot(self.config.id, Ned::HOME);

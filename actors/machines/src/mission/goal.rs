@@ -10,7 +10,7 @@ impl Mission {
     pub(super) fn goal(&self) -> Option<Goal> {
         match self.durable.state {
             // On task the agent sets the goals.
-            State::Start | State::SetUp | State::OnTask => None,
+            State::Start | State::SetUp | State::OnTask | State::Independent => None,
             State::TakingOff | State::NeighbourDiscovery | State::HopUpdate
                 if self.durable.lockstep.in_layer && !self.is_taking_off() =>
             {

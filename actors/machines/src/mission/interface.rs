@@ -51,6 +51,8 @@ pub enum Transmit {
     Discover,
     /// To the routing: links may change, as drones change places.
     TopologyChanges,
+    /// To the routing: this drone leaves the swarm.
+    Leave,
     /// To the routing: this drone is going to land.
     Land,
     /// To the routing: this drone has landed; stop.

@@ -88,7 +88,12 @@ impl Mission {
             if mission.durable.restarted {
                 mission.begin_incarnation();
             }
-            mission.outbox.transmit(Transmit::Resync);
+            let inform = if mission.is_independent() {
+                Transmit::Leave
+            } else {
+                Transmit::Resync
+            };
+            mission.outbox.transmit(inform);
             if let Some(goal) = mission.goal() {
                 mission.outbox.transmit(Transmit::Goal(goal));
             }

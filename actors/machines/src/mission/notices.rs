@@ -8,6 +8,9 @@ use crate::wire;
 
 impl Mission {
     pub(super) fn handle_routing(&mut self, now: Timestamp, notice: RoutingNotice) {
+        if self.is_independent() && notice != RoutingNotice::Resync {
+            return;
+        }
         match notice {
             RoutingNotice::Leader(ballot) => self.handle_leader(now, ballot),
             RoutingNotice::Order {
@@ -109,6 +112,7 @@ impl Mission {
             State::MovingToLand | State::Landing if self.is_awaited_on_ground() => {}
             State::MovingToLand | State::Landing => self.outbox.transmit(Transmit::Land),
             State::Finished => self.outbox.transmit(Transmit::Stop),
+            State::Independent => self.outbox.transmit(Transmit::Leave),
             _ => {}
         }
     }

@@ -2,6 +2,8 @@
 //!
 //! The master lists the drones on task in an order, and repeats it when the list changes. Drones acknowledge it, so a newly
 //! elected master learns who is there.
+//!
+//! A drone may leave the swarm. Its agent then decides until the drone lands, whoever leads the others.
 
 use super::{LandingReason, Lead, Mission, Order, State, Transmit};
 use crate::identity::{NodeId, NodeSet};
@@ -10,7 +12,13 @@ impl Mission {
     /// Whether the drone's agent decides where it flies.
     #[must_use]
     pub fn is_on_task(&self) -> bool {
-        self.durable.state == State::OnTask
+        matches!(self.durable.state, State::OnTask | State::Independent)
+    }
+
+    /// Whether the drone has left the swarm.
+    #[must_use]
+    pub fn is_independent(&self) -> bool {
+        self.durable.state == State::Independent
     }
 
     /// Drones on task, as far as is known. Empty before the task.
@@ -19,7 +27,7 @@ impl Mission {
         &self.drones_on_task
     }
 
-    /// The current leader; `None` before the first.
+    /// The current leader; `None` before the first. Of a drone that has left the swarm the last one.
     #[must_use]
     pub fn leader(&self) -> Option<NodeId> {
         self.durable.leader.ballot().map(|ballot| ballot.master)
@@ -77,6 +85,20 @@ impl Mission {
             self.issue_order(&Order::Task { drones });
             self.complete_order();
         }
+    }
+
+    /// Leaves the swarm. Does nothing unless the drone is on task.
+    pub(crate) fn leave(&mut self) {
+        if self.durable.state != State::OnTask {
+            return;
+        }
+        self.durable.lead = None;
+        self.durable.orders.pending = None;
+        self.durable.deadlines.limit = None;
+        (self.master_silent, self.master_lands) = (None, false);
+        self.enter(State::Independent);
+        self.outbox.transmit(Transmit::Leave);
+        self.checkpoint();
     }
 
     /// Ends the drone's task: it lands on the spot.

@@ -164,6 +164,7 @@ impl From<mission::Transmit> for Effect {
             }
             Transmit::Discover => routing::Input::Discover,
             Transmit::TopologyChanges => routing::Input::TopologyChanges,
+            Transmit::Leave => routing::Input::Leave,
             Transmit::Land => routing::Input::Land,
             Transmit::Stop => routing::Input::Stop,
             Transmit::Resync => routing::Input::Resync,

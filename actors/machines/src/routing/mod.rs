@@ -121,6 +121,9 @@ pub enum Input {
     Discover,
     /// From the protocol: the drones change positions, so known routes become invalid.
     TopologyChanges,
+    /// From the protocol: this drone leaves the swarm, and must not be awaited. It sends messages, but no heartbeats, and
+    /// no notices but of messages.
+    Leave,
     /// From the protocol: this drone is going to land, and must not be awaited.
     Land,
     /// From the protocol: this drone is done; send the state once more and stop.

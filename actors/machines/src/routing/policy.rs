@@ -4,13 +4,13 @@ use std::hint::black_box;
 
 use bytes::Bytes;
 
-use super::messages::{Context, Messages, Neighbourhood};
+use super::messages::{Context, Messages, Neighbourhood, NoRoutes};
 use super::{Checkpoint, Event, Input, PolicyCheckpoint, SharedState, Transmit};
-use crate::identity::{Ballot, NodeId};
+use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::machine::{Machine, Output};
 use crate::time::{Timestamp, first_of};
-use crate::wire;
+use crate::wire::{self, RadioPacket};
 
 /// How orders and acknowledgements spread.
 pub(super) trait Policy: Neighbourhood + std::fmt::Debug {
@@ -83,6 +83,24 @@ pub(super) trait Policy: Neighbourhood + std::fmt::Debug {
     fn read_further_ahead(&self, _sender: Option<NodeId>) {}
 }
 
+/// Number of presence frames of a drone that has left in a time to live. Two may be lost.
+const PRESENCE_FRAMES: u32 = 3;
+
+/// Whether the drone is in the swarm.
+#[derive(Debug)]
+enum Membership {
+    Member,
+    /// It leaves. Until then others may still need what it relays.
+    Leaving {
+        until: Timestamp,
+    },
+    /// It has left. The policy does nothing any more. Its next presence frame, which the radio adds the intent to, is due.
+    Left {
+        routes: NoRoutes,
+        due: Timestamp,
+    },
+}
+
 /// A policy with the state that both policies share.
 ///
 /// Invariant: a checkpoint is emitted before all outputs that depend on it.
@@ -92,6 +110,7 @@ pub(super) struct Dissemination<P> {
     pub(super) policy: P,
     /// `None` until the first message.
     messages: Option<Box<Messages>>,
+    membership: Membership,
     /// The next deadline, as of the end of the last step.
     deadline: Option<Timestamp>,
 }
@@ -104,7 +123,58 @@ impl<P: Policy> Dissemination<P> {
             shared,
             policy,
             messages: None,
+            membership: Membership::Member,
         }
+    }
+
+    const fn has_left(&self) -> bool {
+        matches!(self.membership, Membership::Left { .. })
+    }
+
+    /// Starts to leave, as if to land: others must not await this drone.
+    fn leave(&mut self, now: Timestamp) {
+        if matches!(self.membership, Membership::Member) && !self.shared.durable.stopped {
+            self.shared.start_landing(now);
+            self.policy.land(&mut self.shared, now);
+            let until = now + self.policy.time_to_live();
+            self.membership = Membership::Leaving { until };
+        }
+    }
+
+    /// Leaves once that is due, and shows from then on that the drone is there.
+    fn advance_membership(&mut self, now: Timestamp) {
+        if self.shared.durable.stopped {
+            return;
+        }
+        match &mut self.membership {
+            Membership::Leaving { until } if *until <= now => {
+                self.policy.stop(&mut self.shared, now);
+                self.shared.report_deaf(NodeSet::new());
+                let routes = NoRoutes::of(&self.policy);
+                let due = now + routes.time_to_live() / PRESENCE_FRAMES;
+                self.membership = Membership::Left { routes, due };
+            }
+            Membership::Left { routes, due } if *due <= now => {
+                *due = due.next_period(routes.time_to_live() / PRESENCE_FRAMES, now);
+                let payload = wire::encode_radio_packet(&RadioPacket::Intent);
+                self.shared.send(None, payload, true);
+            }
+            _ => {}
+        }
+    }
+
+    /// When the membership or the policy needs the next timeout.
+    fn policy_deadline(&self) -> Option<Timestamp> {
+        let of_membership = match self.membership {
+            Membership::Member => None,
+            Membership::Leaving { until } => Some(until),
+            Membership::Left { due, .. } => Some(due),
+        };
+        let of_policy = (!self.has_left()).then(|| self.policy.deadline(&self.shared));
+        first_of([
+            of_membership.filter(|_| !self.shared.durable.stopped),
+            of_policy.flatten(),
+        ])
     }
 
     pub(super) fn occupancy(&self) -> (usize, usize) {
@@ -149,7 +219,10 @@ impl<P: Policy> Dissemination<P> {
         let messages = (self.messages).get_or_insert_with(|| Box::new(Messages::new(shared)));
         let cx = Context {
             shared,
-            neighbourhood: &self.policy,
+            neighbourhood: match &self.membership {
+                Membership::Left { routes, .. } => routes,
+                _ => &self.policy,
+            },
             now,
         };
         (messages, cx)
@@ -168,13 +241,18 @@ impl<P: Policy> Dissemination<P> {
 
     fn record_delivery(&mut self, now: Timestamp, to: NodeId, payload: &[u8], is_delivered: bool) {
         if !wire::is_message(payload) {
+            if self.has_left() {
+                return;
+            }
             let (shared, policy) = (&mut self.shared, &mut self.policy);
             return policy.record_delivery(shared, now, to, payload, is_delivered);
         }
         if self.shared.durable.stopped || self.messages.is_none() {
             return;
         }
-        (self.policy).record_message(&mut self.shared, now, to, is_delivered);
+        if !self.has_left() {
+            (self.policy).record_message(&mut self.shared, now, to, is_delivered);
+        }
         let (messages, mut cx) = self.messages(now);
         messages.record_delivery(&mut cx, to, payload, is_delivered);
         messages.run(&mut cx);
@@ -197,7 +275,9 @@ impl<P: Policy> Dissemination<P> {
             return;
         }
         self.shared.start_landing(now);
-        self.policy.stop(&mut self.shared, now);
+        if !self.has_left() {
+            self.policy.stop(&mut self.shared, now);
+        }
         self.shared.durable.stopped = true;
         if self.messages.is_some() {
             let (messages, mut cx) = self.messages(now);
@@ -214,7 +294,7 @@ impl<P: Policy> Dissemination<P> {
             self.emit_checkpoint();
         }
         let messages = self.messages.as_ref().and_then(|it| it.deadline());
-        self.deadline = first_of([self.policy.deadline(&self.shared), messages]);
+        self.deadline = first_of([self.policy_deadline(), messages]);
         self.shared.expect_step(now, self.deadline);
     }
 
@@ -229,28 +309,16 @@ impl<P: Policy> Dissemination<P> {
     }
 }
 
-impl<P: Policy> Machine for Dissemination<P> {
-    type Input = Input;
-    type Transmit = Transmit;
-    type Event = Event;
-
-    fn handle_input(&mut self, now: Timestamp, input: Input) {
-        self.reset_timeouts_if_stalled(now);
+impl<P: Policy> Dissemination<P> {
+    /// Handles what a drone does as a member of the swarm.
+    fn handle_swarm(&mut self, now: Timestamp, input: Input) {
         let (shared, policy) = (&mut self.shared, &mut self.policy);
         match input {
-            Input::Received {
-                sender, payload, ..
-            } if wire::is_message(&payload) => self.receive_message(now, sender, &payload),
             Input::Received {
                 sender,
                 ballot,
                 payload,
             } => policy.receive(shared, now, (sender, ballot), &payload),
-            Input::Delivery {
-                to,
-                payload,
-                delivered,
-            } => self.record_delivery(now, to, &payload, delivered),
             Input::Lead(ballot) => self.lead(now, ballot),
             Input::Publish {
                 ballot,
@@ -275,6 +343,34 @@ impl<P: Policy> Machine for Dissemination<P> {
                 policy.land(shared, now);
             }
             Input::TopologyChanges => policy.topology_changes(shared, now),
+            Input::Resync => {
+                shared.resync();
+                policy.resync(shared, now);
+                shared.resync_master();
+            }
+            // Handled by all drones.
+            Input::Delivery { .. } | Input::Leave | Input::Stop | Input::Messages(_) => {}
+        }
+    }
+}
+
+impl<P: Policy> Machine for Dissemination<P> {
+    type Input = Input;
+    type Transmit = Transmit;
+    type Event = Event;
+
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
+        self.reset_timeouts_if_stalled(now);
+        match input {
+            Input::Received {
+                sender, payload, ..
+            } if wire::is_message(&payload) => self.receive_message(now, sender, &payload),
+            Input::Delivery {
+                to,
+                payload,
+                delivered,
+            } => self.record_delivery(now, to, &payload, delivered),
+            Input::Leave => self.leave(now),
             Input::Stop => self.stop(now),
             Input::Messages(outgoing) => {
                 let (messages, mut cx) = self.messages(now);
@@ -283,18 +379,18 @@ impl<P: Policy> Machine for Dissemination<P> {
                 }
                 messages.run(&mut cx);
             }
-            Input::Resync => {
-                shared.resync();
-                policy.resync(shared, now);
-                shared.resync_master();
-            }
+            input if !self.has_left() => self.handle_swarm(now, input),
+            _ => {}
         }
         self.end_step(now);
     }
 
     fn handle_timeout(&mut self, now: Timestamp) {
         self.reset_timeouts_if_stalled(now);
-        self.policy.handle_timeout(&mut self.shared, now);
+        if !self.has_left() {
+            self.policy.handle_timeout(&mut self.shared, now);
+        }
+        self.advance_membership(now);
         self.end_step(now);
     }
 

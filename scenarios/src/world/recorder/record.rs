@@ -122,5 +122,6 @@ pub(super) const fn is_in_discovery_or_beyond(state: State) -> bool {
             | State::Following
             | State::Assembling
             | State::OnTask
+            | State::Independent
     )
 }

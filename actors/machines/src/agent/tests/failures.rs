@@ -287,3 +287,24 @@ fn destinations_are_kept_above_the_ground_and_below_the_limit() {
         assert_eq!(goals(&transmits), [goal]);
     }
 }
+
+#[test]
+fn drone_that_is_not_in_its_slot_when_the_task_begins_lands() {
+    let mut drone = Drone::new(2);
+    let plan = Order::Plan {
+        index: 0,
+        count: 1,
+        waypoints: vec![Ned::new(0.0, 0.0, -25.0)],
+        holds: Vec::new(),
+    };
+    drone.order(1, &plan);
+    drone.order(2, &Order::TakeOff { wave: 0 });
+    let (_, events) = drone.order(
+        3,
+        &Order::Task {
+            drones: ids(&[1, 2]),
+        },
+    );
+    assert!(events.contains(&Event::Landing(LandingReason::Late)));
+    assert_eq!(drone.calls(), Vec::<String>::new());
+}

@@ -24,6 +24,10 @@ impl Neighbourhood for FloodPolicy {
     }
 
     /// Routes are found once; a lost one does not come back.
+    fn time_to_live(&self) -> Duration {
+        self.config.time_to_live
+    }
+
     fn restores_routes(&self) -> bool {
         false
     }

@@ -22,7 +22,7 @@ mod sending;
 mod transfer;
 mod window;
 
-pub(super) use self::neighbourhood::Neighbourhood;
+pub(super) use self::neighbourhood::{Neighbourhood, NoRoutes};
 pub use self::outgoing::{DropReason, Outcome, Outgoing, Reliability};
 
 use self::accepted::Owed;
@@ -246,7 +246,7 @@ impl Messages {
         }
         let awaited = match (reach, start.report) {
             (Reach::Flood, _) => self.branches(cx, None),
-            (Reach::Neighbours, Report::Outcome(_)) => cx.neighbourhood.neighbours(cx.now),
+            (Reach::Neighbours, Report::Outcome(_)) => self.neighbours(cx),
             _ => NodeSet::new(),
         };
         self.queue.push(Entry {

@@ -14,6 +14,9 @@ pub(in crate::routing) trait Neighbourhood {
     /// First wait for a neighbour's acknowledgement of a frame.
     fn repair(&self) -> Duration;
 
+    /// Time without news after which others no longer depend on a drone.
+    fn time_to_live(&self) -> Duration;
+
     /// Whether routes to the leader come back by themselves, so that it is worth to wait for one.
     fn restores_routes(&self) -> bool;
 
@@ -37,5 +40,58 @@ pub(in crate::routing) trait Neighbourhood {
         _to: NodeId,
         _is_delivered: bool,
     ) {
+    }
+}
+
+/// Of a drone that has left the swarm: it has no routes, and its neighbours are those of which it hears messages.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::routing) struct NoRoutes {
+    nodes: u32,
+    repair: Duration,
+    time_to_live: Duration,
+}
+
+impl NoRoutes {
+    /// In the swarm that the drone leaves.
+    pub(in crate::routing) fn of(left: &impl Neighbourhood) -> Self {
+        Self {
+            nodes: left.nodes(),
+            repair: left.repair(),
+            time_to_live: left.time_to_live(),
+        }
+    }
+}
+
+impl Neighbourhood for NoRoutes {
+    fn nodes(&self) -> u32 {
+        self.nodes
+    }
+
+    fn repair(&self) -> Duration {
+        self.repair
+    }
+
+    fn time_to_live(&self) -> Duration {
+        self.time_to_live
+    }
+
+    fn restores_routes(&self) -> bool {
+        false
+    }
+
+    fn neighbours(&self, _now: Timestamp) -> NodeSet {
+        NodeSet::new()
+    }
+
+    fn inwards(&self, _now: Timestamp) -> SmallVec<[NodeId; 4]> {
+        SmallVec::new()
+    }
+
+    fn outwards(&self, _to: NodeId) -> Option<NodeId> {
+        None
+    }
+
+    fn branches(&self) -> Option<NodeSet> {
+        None
     }
 }

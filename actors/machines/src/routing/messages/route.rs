@@ -64,10 +64,7 @@ impl Messages {
         let inwards = || neighbourhood.inwards(cx.now).into_iter().find(is_free);
         let known = || {
             let target = target?;
-            let neighbour = Some(target).filter(|id| {
-                let heard = neighbourhood.neighbours(cx.now);
-                heard.contains(*id) || heard.is_empty() && self.nodes.heard(cx.now).contains(*id)
-            });
+            let neighbour = Some(target).filter(|id| self.neighbours(cx).contains(*id));
             let branch = neighbourhood.outwards(target);
             let learned = self.nodes.route(target, cx.now);
             [neighbour, branch, learned]
@@ -79,6 +76,16 @@ impl Messages {
             inwards().or_else(known)
         } else {
             known().or_else(inwards)
+        }
+    }
+
+    /// Neighbours by the policy; without any, those that have sent messages.
+    pub(super) fn neighbours(&self, cx: &Context<'_>) -> NodeSet {
+        let neighbours = cx.neighbourhood.neighbours(cx.now);
+        if neighbours.is_empty() {
+            self.nodes.heard(cx.now)
+        } else {
+            neighbours
         }
     }
 

@@ -1,4 +1,5 @@
 mod faults;
+mod leaving;
 mod limits;
 mod net;
 mod properties;

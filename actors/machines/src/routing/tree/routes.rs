@@ -31,6 +31,10 @@ impl Neighbourhood for TreePolicy {
         self.topology.config.repair
     }
 
+    fn time_to_live(&self) -> Duration {
+        self.topology.config.time_to_live
+    }
+
     fn restores_routes(&self) -> bool {
         true
     }

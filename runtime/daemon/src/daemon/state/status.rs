@@ -17,7 +17,7 @@ use crate::status::{
 pub(in crate::daemon) const ANSWER_MAX: Duration = Duration::from_secs(2);
 
 /// Names of the mission's states, for programs.
-pub(in crate::daemon) const STATES: [&str; 14] = [
+pub(in crate::daemon) const STATES: [&str; 15] = [
     "start",
     "set_up",
     "taking_off",
@@ -32,6 +32,7 @@ pub(in crate::daemon) const STATES: [&str; 14] = [
     "landing",
     "finished",
     "on_task",
+    "independent",
 ];
 
 impl State {
@@ -201,6 +202,7 @@ fn doing(state: mission::State) -> Doing {
         Is::Landing => (11, None),
         Is::Finished => (12, None),
         Is::OnTask => (13, None),
+        Is::Independent => (14, None),
     };
     Doing {
         name: STATES[index].to_owned(),

@@ -21,7 +21,7 @@ const SHORTEST_PX: f64 = 0.8;
 type Phase = (&'static str, &'static str);
 
 /// All phases, in the order of a mission.
-const PHASES: [Phase; 15] = [
+const PHASES: [Phase; 16] = [
     ("p-start", "start"),
     ("p-setup", "set-up"),
     ("p-takeoff", "taking off"),
@@ -36,6 +36,7 @@ const PHASES: [Phase; 15] = [
     ("p-landing", "landing"),
     ("p-finished", "finished"),
     ("p-task", "on task"),
+    ("p-independent", "independent"),
     DEAD,
 ];
 const DEAD: Phase = ("p-dead", "dead");
@@ -56,6 +57,7 @@ const fn phase(state: State) -> Phase {
         State::Landing => 11,
         State::Finished => 12,
         State::OnTask => 13,
+        State::Independent => 14,
     }]
 }
 

@@ -49,8 +49,12 @@ pub(super) struct Node {
     pub(super) got: Vec<(NodeId, Bytes, Timestamp)>,
     pub(super) outcomes: Vec<(u32, Outcome)>,
     pub(super) ignored: usize,
-    /// Number of message frames sent, and the payload bytes of all.
+    /// Number of message frames sent.
     pub(super) sent: usize,
+    /// Number of frames sent.
+    pub(super) frames: usize,
+    /// Number of notices that the protocol got, but for those of messages.
+    pub(super) notices: usize,
 }
 
 enum Flight {
@@ -133,6 +137,8 @@ impl Net {
             outcomes: Vec::new(),
             ignored: 0,
             sent: 0,
+            frames: 0,
+            notices: 0,
         });
         let near = |a: usize, b: usize| a != b && a.abs_diff(b) <= reach;
         let size = count as usize;
@@ -204,6 +210,7 @@ impl Net {
             Emitted::Transmit(Transmit::Inform(Notice::Sent(sent))) => {
                 node.outcomes.extend(sent);
             }
+            Emitted::Transmit(Transmit::Inform(_)) => node.notices += 1,
             Emitted::Event(Event::Ignored(_)) => node.ignored += 1,
             _ => {}
         });
@@ -215,7 +222,11 @@ impl Net {
         for (to, ballot, payload) in sends {
             assert!(payload.len() <= wire::PAYLOAD_MAX);
             self.nodes[at].sent += usize::from(wire::is_message(&payload));
-            self.fly(at, to, ballot, &payload);
+            self.nodes[at].frames += 1;
+            // Frames for the radios do not reach the routing.
+            if wire::decode_radio_packet(&payload).is_none() {
+                self.fly(at, to, ballot, &payload);
+            }
         }
     }
 
