@@ -102,7 +102,7 @@ fn activity(id: NodeId, swarm: &Swarm, processes: &Processes) -> Option<u32> {
     Some(failures * 5 + activity)
 }
 
-/// Whether a drone relays frames: its radio and routing run, and it has neither finished nor lost its mission.
+/// Whether a drone relays frames of the swarm: its radio and routing run, and it has neither finished, left nor lost its mission.
 pub(super) fn relays_frames(id: NodeId, swarm: &Swarm, processes: &Processes) -> bool {
     let actors = &processes[id].actors;
     let runs = |address| actors.is_up(address) && !actors.is_hung(address);
@@ -110,4 +110,5 @@ pub(super) fn relays_frames(id: NodeId, swarm: &Swarm, processes: &Processes) ->
         && runs(Address::Routing)
         && actors.is_up(Address::Mission)
         && swarm.recorder.state(id) != State::Finished
+        && !swarm.recorder.of(id).has_left
 }

@@ -351,6 +351,9 @@ impl World {
                 let now = self.scene.core.now();
                 let recorder = self.scene.core.recorder(drone);
                 recorder.routing(now, drone, event);
+                if *event == routing::Event::Left {
+                    self.scene.links.invalidate();
+                }
             }
             Observation::Radio(event) => self.scene.core.recorder(drone).radio(event),
             Observation::Navigation(_) => {}

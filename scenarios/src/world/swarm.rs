@@ -101,7 +101,7 @@ impl Swarm {
                     renumber(member);
                     renumber(via);
                 }
-                routing::Event::Checkpoint(_) => {}
+                routing::Event::Left | routing::Event::Checkpoint(_) => {}
             },
             Observation::Radio(_) | Observation::Navigation(_) => {}
         }

@@ -271,8 +271,9 @@ fn member_in_slot() -> Drone {
         holds: Vec::new(),
     };
     drone.order(1, &plan);
-    drone.order(2, &Order::TakeOff { wave: 0 });
-    drone.input(Input::Navigation(NavigationNotice::Arrived(FIRST_GOAL)));
+    let (transmits, _) = drone.order(2, &Order::TakeOff { wave: 0 });
+    let in_slot = NavigationNotice::Arrived(goals(&transmits)[0]);
+    drone.input(Input::Navigation(in_slot));
     drone.notice(Notice::RoutesReady);
     assert_eq!(drone.calls(), Vec::<String>::new());
     drone

@@ -14,6 +14,7 @@ use crate::flaw::{self, Flaw};
 use crate::geometry::Ned;
 use crate::identity::Ballot;
 use crate::leader::{BallotDecision, LinkSymmetry};
+use crate::navigation::Goal;
 use crate::time::Timestamp;
 
 /// Maximum number of back-offs before claiming leadership. Drones of worse rank seldom get to claim.
@@ -221,6 +222,10 @@ impl Mission {
                 is_ending: true,
             });
         }
-        self.send_goal();
+        self.leave_lockstep_if_elected();
+        // Without news of the lost master it comes to rest by itself, and climbs into its layer.
+        if !matches!(self.given_goal, Some(Goal::Track { .. })) {
+            self.send_goal();
+        }
     }
 }

@@ -200,16 +200,16 @@ impl Mission {
         } else {
             slot
         };
-        self.outbox.transmit(Transmit::Goal(Goal::Track {
+        self.give_goal(Goal::Track {
             to,
             hold_altitude_m,
             velocity,
             hold: following.hold,
-        }));
+        });
     }
 
     /// Leaves lockstep under an elected master, as other drones may follow another one.
-    fn leave_lockstep_if_elected(&mut self) {
+    pub(super) fn leave_lockstep_if_elected(&mut self) {
         if self.is_elected_epoch() && !self.durable.lockstep.in_layer {
             self.leave_lockstep();
         }
@@ -218,6 +218,7 @@ impl Mission {
     /// As member: flies to its slot around the stopped master.
     pub(super) fn execute_assembly(&mut self, now: Timestamp, sequence: u32, at: Ned) {
         if self.ensure_can_follow() {
+            self.leave_lockstep_if_elected();
             self.durable.orders.pending = Some(sequence);
             self.start_assembling(now, at);
         }

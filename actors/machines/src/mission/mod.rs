@@ -59,6 +59,8 @@ pub struct Mission {
     stall_detector: StallDetector,
     /// Drones on task, as far as is known. Empty before the task.
     drones_on_task: NodeSet,
+    /// The goal that the navigation was given last.
+    given_goal: Option<Goal>,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -73,6 +75,7 @@ impl Mission {
             master_lands: false,
             stall_detector: StallDetector::default(),
             drones_on_task: NodeSet::default(),
+            given_goal: None,
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
@@ -94,9 +97,7 @@ impl Mission {
                 Transmit::Resync
             };
             mission.outbox.transmit(inform);
-            if let Some(goal) = mission.goal() {
-                mission.outbox.transmit(Transmit::Goal(goal));
-            }
+            mission.send_goal();
         }
         mission
     }
@@ -155,8 +156,13 @@ impl Mission {
 
     fn send_goal(&mut self) {
         if let Some(goal) = self.goal() {
-            self.outbox.transmit(Transmit::Goal(goal));
+            self.give_goal(goal);
         }
+    }
+
+    fn give_goal(&mut self, goal: Goal) {
+        self.given_goal = Some(goal);
+        self.outbox.transmit(Transmit::Goal(goal));
     }
 
     /// Announces the landing to the others and descends on the spot. Nobody awaits it on the ground.
@@ -269,6 +275,10 @@ impl Mission {
     }
 
     fn handle_arrival(&mut self, now: Timestamp, goal: Goal) {
+        // The mission may have set another one meanwhile.
+        if self.given_goal != Some(goal) {
+            return;
+        }
         if self.is_at_waypoint() && matches!(goal, Goal::TransitTo { .. }) {
             self.durable.lockstep.climbs = false;
         }

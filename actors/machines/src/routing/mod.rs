@@ -232,6 +232,8 @@ pub enum Event {
     /// A frame of this sender was dropped: malformed payload, unknown sender or older ballot, or a message of an origin
     /// over its budget.
     Ignored(NodeId),
+    /// This drone has left the swarm: it relays nothing but messages from now on.
+    Left,
     /// State from which a restarted routing resumes.
     Checkpoint(Box<Checkpoint>),
 }

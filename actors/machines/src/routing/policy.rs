@@ -5,7 +5,7 @@ use std::hint::black_box;
 use bytes::Bytes;
 
 use super::messages::{Context, Messages, Neighbourhood, NoRoutes};
-use super::{Checkpoint, Event, Input, PolicyCheckpoint, SharedState, Transmit};
+use super::{Checkpoint, Event, Input, PolicyCheckpoint, Routes, SharedState, Transmit};
 use crate::identity::{Ballot, NodeId, NodeSet};
 use crate::leader::{BallotDecision, LinkSymmetry};
 use crate::machine::{Machine, Output};
@@ -131,14 +131,19 @@ impl<P: Policy> Dissemination<P> {
         matches!(self.membership, Membership::Left { .. })
     }
 
-    /// Starts to leave, as if to land: others must not await this drone.
+    /// Starts to leave, as if to land: others must not await this drone. One that did so before a restart has left.
     fn leave(&mut self, now: Timestamp) {
-        if matches!(self.membership, Membership::Member) && !self.shared.durable.stopped {
-            self.shared.start_landing(now);
-            self.policy.land(&mut self.shared, now);
-            let until = now + self.policy.time_to_live();
-            self.membership = Membership::Leaving { until };
+        if !matches!(self.membership, Membership::Member) || self.shared.durable.stopped {
+            return;
         }
+        if self.shared.durable.landing.is_some() {
+            self.membership = Membership::Leaving { until: now };
+            return self.advance_membership(now);
+        }
+        self.shared.start_landing(now);
+        self.policy.land(&mut self.shared, now);
+        let until = now + self.policy.time_to_live();
+        self.membership = Membership::Leaving { until };
     }
 
     /// Leaves once that is due, and shows from then on that the drone is there.
@@ -150,6 +155,8 @@ impl<P: Policy> Dissemination<P> {
             Membership::Leaving { until } if *until <= now => {
                 self.policy.stop(&mut self.shared, now);
                 self.shared.report_deaf(NodeSet::new());
+                self.shared.emit(Event::Routes(Routes::default()));
+                self.shared.emit(Event::Left);
                 let routes = NoRoutes::of(&self.policy);
                 let due = now + routes.time_to_live() / PRESENCE_FRAMES;
                 self.membership = Membership::Left { routes, due };

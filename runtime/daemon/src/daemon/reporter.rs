@@ -113,6 +113,7 @@ fn describe(seen: &Observation) -> String {
         Observation::Routing(routing::Event::NeighbourStable(drone)) => {
             format!("has a stable link to drone {drone}")
         }
+        Observation::Routing(routing::Event::Left) => "has left the swarm".to_owned(),
         Observation::Mission(event) => format!("{event:?}"),
         Observation::Routing(event) => format!("{event:?}"),
         Observation::Radio(event) => format!("{event:?}"),

@@ -217,8 +217,10 @@ impl Recorder {
 
     /// A node's routing reports an event.
     pub(super) fn routing(&mut self, now: Timestamp, id: NodeId, event: &routing::Event) {
-        let routing::Event::Routes(routes) = event else {
-            return;
+        let routes = match event {
+            routing::Event::Routes(routes) => routes,
+            routing::Event::Left => return self.record(id).has_left = true,
+            _ => return,
         };
         let what = Incident::Routes {
             hops: routes.hops,

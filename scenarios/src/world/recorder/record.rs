@@ -25,6 +25,8 @@ pub(crate) struct Record {
     /// Whether its battery is empty.
     pub(crate) ran_empty: bool,
     pub(crate) fell: bool,
+    /// Whether its routing has left the swarm.
+    pub(crate) has_left: bool,
     /// Restarts of its actors.
     pub(crate) restarts: u32,
     /// Restarts of its process.
@@ -46,6 +48,7 @@ impl Record {
             killed: None,
             ran_empty: false,
             fell: false,
+            has_left: false,
             restarts: 0,
             reboots: 0,
             armed: None,

@@ -190,3 +190,43 @@ fn failing_followed_master_lands_its_swarm_at_its_position() {
     let transmits = send(&mut master, 41.0, Input::GiveUp);
     assert_eq!(orders(&transmits), [land_at(at)]);
 }
+
+#[test]
+fn swarm_of_an_elected_follower_assembles_above_the_first_masters_part() {
+    let config = |id| Config {
+        succession: Succession::Elect,
+        ..config_of_follower(id, false)
+    };
+    let (at, velocity) = (Ned::new(50.0, 0.0, -25.0), NORTH);
+    let follower = |id| {
+        let mut member = Mission::new(config(id), None);
+        deliver(&mut member, 1, &complete_plan());
+        deliver(&mut member, 2, &Order::TakeOff { wave: 0 });
+        arrive(&mut member, 20.0);
+        deliver(&mut member, 3, &Order::Follow { at, velocity });
+        member
+    };
+    let mut elected = follower(0);
+    let transmits = notify(&mut elected, 40.0, RoutingNotice::MasterSilent);
+    // It comes to rest and climbs without a goal.
+    assert!(elected.durable.lead.is_some() && goal(&transmits).is_none());
+    let position = elected.config.layout.slot(NodeId(0), at);
+    let of_elected = report_position(&mut elected, 43.0, position, Velocity::ZERO);
+    let ballot = elected.durable.leader.ballot().unwrap();
+    let mut other = follower(2);
+    notify(&mut other, 43.0, RoutingNotice::Leader(ballot));
+    let order = wire::encode_order(&Order::Assemble { at }).into();
+    let sequence = 1;
+    let assemble = RoutingNotice::Order {
+        ballot,
+        sequence,
+        order,
+    };
+    let of_other = notify(&mut other, 43.0, assemble);
+    for transmits in [of_elected, of_other] {
+        match goal(&transmits) {
+            Some(Goal::TransitTo { to }) => assert!(to.altitude_m() > 30.0, "{to:?}"),
+            other => panic!("{other:?}"),
+        }
+    }
+}

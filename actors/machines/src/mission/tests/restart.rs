@@ -118,3 +118,21 @@ fn pure_relay_whose_battery_is_low_goes_on_when_its_mission_restarts() {
     send(&mut restarted, 6.1, landed);
     assert_eq!(restarted.durable.state, State::Finished);
 }
+
+#[test]
+fn arrival_at_an_earlier_goal_is_no_arrival_at_the_next_waypoint() {
+    let member = member_at_open_waypoint(config(0, Liveness::Heartbeat));
+    // Its restarted mission repeats the goal, and the navigation, which is there, will answer.
+    let mut member = Mission::new(member.config.clone(), Some(member.durable.clone()));
+    let goal = member.goal().unwrap();
+    // The routing's answer comes first: an order that the old mission has not seen.
+    deliver(&mut member, 4, &open_waypoint(1));
+    let moving = State::MovingToWaypoint { waypoint: 1 };
+    assert_eq!(member.durable.state, moving);
+    let arrived = Input::Navigation(NavigationNotice::Arrived(goal));
+    assert_eq!(send(&mut member, 1.0, arrived), []);
+    assert_eq!(member.durable.state, moving);
+    let arrived = Input::Navigation(NavigationNotice::Arrived(member.goal().unwrap()));
+    send(&mut member, 20.0, arrived);
+    assert_eq!(member.durable.state, State::WaypointReached { waypoint: 1 });
+}
