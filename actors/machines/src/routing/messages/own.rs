@@ -74,6 +74,10 @@ impl Own {
         self.waiting.len() + self.unacknowledged.len() + usize::from(self.transfer.is_some())
     }
 
+    fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
     /// Adds a message. If there is no room, the oldest best-effort messages that wait are dropped, or only the new one if
     /// that makes no room. Returns the dropped messages.
     pub(super) fn submit(&mut self, now: Timestamp, outgoing: Outgoing) -> Vec<u32> {
@@ -117,7 +121,7 @@ impl Own {
         now: Timestamp,
         is_queued: impl Fn(u32, Option<u32>) -> bool,
     ) -> Option<Start> {
-        if !self.budget.has_tokens(now, &ORIGIN_BUDGET) {
+        if self.is_empty() || !self.budget.has_tokens(now, &ORIGIN_BUDGET) {
             return None;
         }
         let start = self
@@ -268,6 +272,9 @@ impl Own {
     /// Removes messages whose time is over, and returns them.
     pub(super) fn expire(&mut self, now: Timestamp) -> Vec<u32> {
         let mut expired = Vec::new();
+        if self.is_empty() {
+            return Vec::new();
+        }
         self.waiting.retain(|it| {
             let keeps = it.expires_at > now;
             if !keeps {
@@ -304,6 +311,9 @@ impl Own {
 
     /// When [`Self::start`] or [`Self::expire`] have something to do next. With `has_room` false nothing is started.
     pub(super) fn deadline(&self, has_room: bool) -> Option<Timestamp> {
+        if self.is_empty() {
+            return None;
+        }
         let waits = self.waiting.iter();
         let is_startable = |it: &Waiting| self.transfer.is_none() || !it.outgoing.is_large();
         let next = waits.clone().any(is_startable).then_some(Timestamp::ZERO);

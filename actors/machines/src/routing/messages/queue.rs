@@ -145,6 +145,9 @@ impl Queue {
 
     /// The next frame that is due, and whose origin is in turn. Pieces follow if no other frame is due.
     pub(super) fn next_due(&self, now: Timestamp, with_pieces: bool) -> Option<Place> {
+        if self.len == 0 {
+            return None;
+        }
         let due = |is_piece: bool| {
             let after = self.last.map_or(Bound::Unbounded, Bound::Excluded);
             let mut turns = self
@@ -190,6 +193,9 @@ impl Queue {
     /// Removes the frames for which `is_done` is true, and returns them.
     fn take_all(&mut self, is_done: impl Fn(&Entry) -> bool) -> Vec<Entry> {
         let mut done = Vec::new();
+        if self.len == 0 {
+            return done;
+        }
         for entries in self.origins.values_mut() {
             if !entries.iter().any(&is_done) {
                 continue;
