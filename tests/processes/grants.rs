@@ -6,6 +6,7 @@ use std::thread;
 use std::time::Duration;
 
 use muster_controller::Settings;
+use muster_daemon::control::{GRANT_ALLOWS, STARTS};
 use serde_json::{Value, json};
 
 use super::controllers::controlled;
@@ -67,7 +68,7 @@ fn write_evidence(fleet: &Fleet, id: u32, kind: &str, receiver: &Receiver) -> Pa
             String::from_utf8(output.stdout).unwrap()
         }
         _ => [
-            json!({"message": "the grant allows the stage", "stage": "tethered"}).to_string(),
+            granted(fleet, id).to_string(),
             seen(json!({"State": "TakingOff"})),
             seen(json!({"State": "NeighbourDiscovery"})),
             seen(json!({"Landing": "MissionOver"})),
@@ -77,6 +78,17 @@ fn write_evidence(fleet: &Fleet, id: u32, kind: &str, receiver: &Receiver) -> Pa
     };
     std::fs::write(&path, text).unwrap();
     path
+}
+
+/// The log line of a process with the controller that the drone's grant for `tethered` is for.
+fn granted(fleet: &Fleet, id: u32) -> Value {
+    let text = std::fs::read_to_string(fleet.path(&format!("ours/drone-{id}.grant"))).unwrap();
+    let grant: toml::Table = text.parse().unwrap();
+    let field = |name: &str| grant[name].as_str().unwrap();
+    json!({
+        "message": GRANT_ALLOWS, "stage": "tethered", "chip": field("chip"), "firmware": field("firmware"),
+        "settings": field("settings"),
+    })
 }
 
 /// Promotes a drone with this controller from stage to stage, and names its grant in the drone's file.
@@ -183,6 +195,15 @@ fn changed_controller_falls_to_bench_and_status_gives_the_reason() {
     let is_open = |status: &Value| status["port"]["state"] == "open";
     let status = fleet.wait_for_status(0, "the port is open", is_open);
     assert!(!fault(&status, "bench"), "{status:#}");
+    drones[0].wait_for("its grant", |line| line["message"] == GRANT_ALLOWS);
+    let log = &drones[0].log;
+    let nth = |message: &str| log.iter().position(|line| line["message"] == message);
+    let (starts, allows) = (nth(STARTS).unwrap(), nth(GRANT_ALLOWS).unwrap());
+    assert!(starts < allows, "evidence is read from the start on");
+    let expected = granted(&fleet, 0);
+    for name in ["chip", "firmware", "settings"] {
+        assert_eq!(log[allows][name], expected[name]);
+    }
     for (id, why) in [
         (1, "settings have changed"),
         (2, "the grant is for the firmware"),

@@ -1,8 +1,9 @@
 //! What a file of evidence must show.
 
+use muster_daemon::control::{GRANT_ALLOWS, STAGE_FALLS, STARTS};
 use muster_machines::mission::{Event, LandingReason, State};
 use muster_machines::node::Observation;
-use muster_runtime::identity::{ControllerFacts, EvidenceKind, GrantedStage};
+use muster_runtime::identity::{ControllerFacts, EvidenceKind, GrantedStage, hex};
 use serde::Deserialize;
 use thiserror::Error;
 
@@ -43,9 +44,19 @@ pub(super) enum Weakness {
     Unfit,
     /// Another flight controller.
     #[error(
-        "the evidence is of the flight controller with the chip {found}; the one here has {expected}"
+        "the evidence is of the flight controller with the {what} {found}; the one here has {expected}"
     )]
-    OtherController { found: String, expected: String },
+    OtherController {
+        /// What differs: chip, firmware or settings.
+        what: &'static str,
+        found: String,
+        expected: String,
+    },
+    /// A log of a program that does not log the flight controller.
+    #[error(
+        "the log does not name the flight controller: its line \"{GRANT_ALLOWS}\" needs `chip`, `firmware` and `settings`"
+    )]
+    NoController,
     /// Another drone.
     #[error("the evidence is of drone {0}")]
     OtherDrone(u32),
@@ -115,6 +126,10 @@ struct LogLine {
     message: String,
     drone: Option<u32>,
     stage: Option<GrantedStage>,
+    /// The flight controller, where the stage is granted.
+    chip: Option<String>,
+    firmware: Option<String>,
+    settings: Option<String>,
     seen: Option<String>,
 }
 
@@ -130,7 +145,7 @@ pub(super) fn check(
         EvidenceKind::Simulated => flight(&parse(text)?, false),
         EvidenceKind::Betaflight => flight(&parse(text)?, true),
         EvidenceKind::Bench => bench(&parse(text)?, controller),
-        EvidenceKind::Tether => tether(text, drone),
+        EvidenceKind::Tether => tether(text, drone, controller),
     }
 }
 
@@ -183,50 +198,107 @@ fn flight(report: &FlightReport, needs_betaflight: bool) -> Result<(), Weakness>
 }
 
 fn bench(check: &BenchCheck, controller: &ControllerFacts) -> Result<(), Weakness> {
-    let found = check.chip.clone().unwrap_or_default();
-    let expected = controller.chip.clone();
-    if found != expected {
-        return Err(Weakness::OtherController { found, expected });
-    }
+    let found = check.chip.as_deref().unwrap_or_default();
+    compare("chip", found, &controller.chip)?;
     if !check.fit || check.receiver != "override" {
         return Err(Weakness::Unfit);
     }
     Ok(())
 }
 
-/// The newest flight in the log of a drone's process.
-fn tether(text: &str, id: u32) -> Result<(), Weakness> {
-    let (mut is_tethered, mut is_over) = (false, false);
-    // Told to take off; up there, too: a pilot may never have armed.
-    let (mut is_ordered, mut has_flown) = (false, false);
-    let mut reason = None;
+fn compare(what: &'static str, found: &str, expected: &str) -> Result<(), Weakness> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(Weakness::OtherController {
+        what,
+        found: found.to_owned(),
+        expected: expected.to_owned(),
+    })
+}
+
+/// Whether a line that grants a stage names this flight controller.
+fn is_granted_for(line: &LogLine, controller: &ControllerFacts) -> Result<(), Weakness> {
+    let (Some(chip), Some(firmware), Some(settings)) = (&line.chip, &line.firmware, &line.settings)
+    else {
+        return Err(Weakness::NoController);
+    };
+    compare("chip", chip, &controller.chip)?;
+    compare("firmware", firmware, &controller.firmware)?;
+    compare("settings", settings, &hex(&controller.settings))
+}
+
+/// What the log of a process tells of its newest flight.
+#[derive(Default)]
+struct Tethered {
+    /// Whether the stage is granted now, for this flight controller.
+    is_granted: bool,
+    /// Whether the drone was told to take off in this stage.
+    is_ordered: bool,
+    /// Whether it came up to its place after that: a pilot may never have armed.
+    has_flown: bool,
+    is_over: bool,
+    /// Why it landed.
+    reason: Option<LandingReason>,
+    /// Why a grant in the log says nothing about this flight controller.
+    other: Option<Weakness>,
+}
+
+impl Tethered {
+    fn read(&mut self, line: &LogLine, controller: &ControllerFacts) -> Result<(), Weakness> {
+        if line.message == STARTS {
+            *self = Self::default();
+        }
+        if let Some(stage) = line.stage {
+            self.other = is_granted_for(line, controller).err();
+            self.is_granted = stage == GrantedStage::Tethered && self.other.is_none();
+        }
+        if line.message.starts_with(STAGE_FALLS) {
+            (self.is_granted, self.is_ordered, self.has_flown) = (false, false, false);
+        }
+        let seen = line.seen.as_deref().map(parse).transpose()?;
+        match seen {
+            Some(Observation::Mission(Event::State(State::TakingOff))) => {
+                self.is_ordered = self.is_granted;
+                (self.has_flown, self.is_over, self.reason) = (false, false, None);
+            }
+            Some(Observation::Mission(Event::Landing(why))) => self.reason = Some(why),
+            Some(Observation::Mission(Event::State(State::Finished))) => {
+                self.is_over = self.has_flown;
+            }
+            Some(Observation::Mission(Event::State(state))) if state.is_on_mission() => {
+                self.has_flown = self.is_ordered;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn judge(self) -> Result<(), Weakness> {
+        if let Some(other) = self.other {
+            return Err(other);
+        }
+        match self.reason {
+            Some(LandingReason::MissionOver | LandingReason::Recalled) | None if self.is_over => {
+                Ok(())
+            }
+            Some(why) if why != LandingReason::MissionOver && self.is_ordered => {
+                Err(Weakness::Aborted(why))
+            }
+            _ => Err(Weakness::NoFlight),
+        }
+    }
+}
+
+/// The newest flight in the log of a drone's process, since the process has started last.
+fn tether(text: &str, id: u32, controller: &ControllerFacts) -> Result<(), Weakness> {
+    let mut flight = Tethered::default();
     for line in text.lines().filter(|line| !line.trim().is_empty()) {
         let line: LogLine = parse(line)?;
         if let Some(other) = line.drone.filter(|drone| *drone != id) {
             return Err(Weakness::OtherDrone(other));
         }
-        if let Some(stage) = line.stage {
-            is_tethered = stage == GrantedStage::Tethered;
-        }
-        if line.message.starts_with("the stage falls to bench") {
-            is_tethered = false;
-        }
-        let seen = line.seen.as_deref().map(parse).transpose()?;
-        match seen {
-            Some(Observation::Mission(Event::State(State::TakingOff))) => {
-                (is_ordered, has_flown, is_over, reason) = (is_tethered, false, false, None);
-            }
-            Some(Observation::Mission(Event::Landing(why))) => reason = Some(why),
-            Some(Observation::Mission(Event::State(State::Finished))) => is_over = has_flown,
-            Some(Observation::Mission(Event::State(state))) if state.is_on_mission() => {
-                has_flown = is_ordered;
-            }
-            _ => {}
-        }
+        flight.read(&line, controller)?;
     }
-    match reason {
-        Some(LandingReason::MissionOver | LandingReason::Recalled) | None if is_over => Ok(()),
-        Some(why) if why != LandingReason::MissionOver && is_ordered => Err(Weakness::Aborted(why)),
-        _ => Err(Weakness::NoFlight),
-    }
+    flight.judge()
 }

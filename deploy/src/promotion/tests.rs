@@ -2,10 +2,11 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
+use muster_daemon::control::{GRANT_ALLOWS, STAGE_FALLS, STARTS};
 use muster_machines::mission::{Event, LandingReason, State};
 use muster_machines::node::Observation;
 use muster_msp::{Configuration, Uid};
-use muster_runtime::identity::{FleetKey, GrantRefusal};
+use muster_runtime::identity::{FleetKey, GrantRefusal, hex};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
@@ -39,22 +40,47 @@ fn bench(chip: u32) -> Value {
     json!({"chip": controller(chip).chip, "receiver": "override", "fit": true, "findings": []})
 }
 
-/// Log of drone 1's tethered flight, which ends for a reason.
-fn tether(stage: &str, reason: LandingReason) -> String {
-    let seen = |event: Event| {
-        let seen = serde_json::to_string(&Observation::Mission(event)).unwrap();
-        json!({"level": "INFO", "message": "seen", "drone": 1, "at_ns": 5, "seen": seen})
-    };
-    let lines = [
-        json!({"level": "INFO", "message": "starts", "drone": 1, "at_ns": 1, "incarnation": 1}),
-        json!({"level": "INFO", "message": "the grant allows the stage", "stage": stage}),
-        seen(Event::State(State::TakingOff)),
+/// Log of drone 1's process, from its start until controller 7 is granted a stage.
+fn granted(stage: &str) -> String {
+    let controller = controller(7);
+    let granted = json!({
+        "level": "INFO", "message": GRANT_ALLOWS, "stage": stage, "chip": controller.chip,
+        "firmware": controller.firmware, "settings": hex(&controller.settings),
+    });
+    format!("{}{granted}\n", starts())
+}
+
+fn starts() -> String {
+    let line =
+        json!({"level": "INFO", "message": STARTS, "drone": 1, "at_ns": 1, "incarnation": 1});
+    format!("{line}\n")
+}
+
+fn seen(event: Event) -> String {
+    let seen = serde_json::to_string(&Observation::Mission(event)).unwrap();
+    let line = json!({"level": "INFO", "message": "seen", "drone": 1, "at_ns": 5, "seen": seen});
+    format!("{line}\n")
+}
+
+/// From the place in the air to the landing, which has a reason.
+fn completed(reason: LandingReason) -> String {
+    [
         seen(Event::State(State::NeighbourDiscovery)),
         seen(Event::Landing(reason)),
         seen(Event::State(State::Landing)),
         seen(Event::State(State::Finished)),
-    ];
-    lines.map(|line| format!("{line}\n")).concat()
+    ]
+    .concat()
+}
+
+/// Log of a flight from take-off to landing.
+fn flown(reason: LandingReason) -> String {
+    seen(Event::State(State::TakingOff)) + &completed(reason)
+}
+
+/// Log of drone 1's tethered flight with controller 7, which ends for a reason.
+fn tether(stage: &str, reason: LandingReason) -> String {
+    granted(stage) + &flown(reason)
 }
 
 fn good(kind: EvidenceKind) -> String {
@@ -282,6 +308,79 @@ fn a_record_of_a_tether_shows_a_whole_flight_of_this_drone_in_that_stage() {
     );
     let other = whole.replace("\"drone\":1", "\"drone\":2");
     assert_eq!(judged(&other), Some(Weakness::OtherDrone(2)));
+}
+
+#[test]
+fn a_log_counts_only_for_the_flight_controller_that_it_names() {
+    let of =
+        |found: &ControllerFacts, text: &str| check(EvidenceKind::Tether, text, 1, found).err();
+    let whole = tether("tethered", LandingReason::MissionOver);
+    let (mut newer, mut changed) = (controller(7), controller(7));
+    newer.firmware = "BTFL 2027.1.0".to_owned();
+    changed.settings[0] ^= 1;
+    for (what, other) in [
+        ("chip", controller(8)),
+        ("firmware", newer),
+        ("settings", changed),
+    ] {
+        let weakness = of(&other, &whole).unwrap().to_string();
+        assert!(
+            weakness.contains(&format!("with the {what} ")),
+            "{weakness}"
+        );
+        // A flight with it after that counts.
+        assert_eq!(of(&controller(7), &whole), None);
+    }
+    let of_another = whole.replace(&controller(7).chip, &controller(8).chip);
+    assert_eq!(of(&controller(7), &format!("{of_another}{whole}")), None);
+    assert!(of(&controller(7), &format!("{whole}{of_another}")).is_some());
+    let unnamed = whole.replace("\"settings\"", "\"other\"");
+    assert_eq!(of(&controller(7), &unnamed), Some(Weakness::NoController));
+}
+
+#[test]
+fn an_old_log_of_a_replaced_controller_earns_no_flight() {
+    let desk = Desk::new();
+    for stage in STAGES {
+        desk.promote(stage);
+    }
+    fs::write(desk.path("bench"), bench(8).to_string()).unwrap();
+    let mut request = desk.request(GrantedStage::Tethered, &[EvidenceKind::Bench]);
+    request.controller = controller(8);
+    promote(&desk.fleet, &request).unwrap();
+    let mut request = desk.request(GrantedStage::Flight, &[EvidenceKind::Tether]);
+    request.controller = controller(8);
+    let refusal = desk.refusal(&request);
+    assert!(refusal.contains("the one here has"), "{refusal}");
+}
+
+#[test]
+fn a_simulated_flight_after_a_tethered_start_is_no_tethered_flight() {
+    let judged = |text: &str| check(EvidenceKind::Tether, text, 1, &controller(7)).err();
+    let over = LandingReason::MissionOver;
+    // A process without a grant logs no stage.
+    let simulated = granted("tethered") + &starts() + &flown(over);
+    assert_eq!(judged(&simulated), Some(Weakness::NoFlight));
+    // A restart in flight: the drone may have been dropped meanwhile.
+    let order = seen(Event::State(State::TakingOff));
+    let interrupted = granted("tethered") + &order + &granted("tethered") + &completed(over);
+    assert_eq!(judged(&interrupted), Some(Weakness::NoFlight));
+}
+
+#[test]
+fn a_stage_that_falls_to_bench_after_the_order_is_no_tethered_flight() {
+    let judged = |text: &str| check(EvidenceKind::Tether, text, 1, &controller(7)).err();
+    let fallen = json!({"level": "WARN", "message": format!("{STAGE_FALLS}: the grant ended")});
+    let order = seen(Event::State(State::TakingOff));
+    let over = completed(LandingReason::MissionOver);
+    let before_it_is_up = granted("tethered") + &order + &format!("{fallen}\n") + &over;
+    assert_eq!(judged(&before_it_is_up), Some(Weakness::NoFlight));
+    let up = seen(Event::State(State::NeighbourDiscovery));
+    let landed = seen(Event::State(State::Finished));
+    let in_flight = granted("tethered") + &order + &up + &format!("{fallen}\n") + &landed;
+    assert_eq!(judged(&in_flight), Some(Weakness::NoFlight));
+    let after_it = tether("tethered", LandingReason::MissionOver) + &format!("{fallen}\n");
+    assert_eq!(judged(&after_it), None);
 }
 
 /// A byte of `content`, changed.

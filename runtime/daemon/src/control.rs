@@ -15,6 +15,12 @@ pub const READY: &str = "ready";
 /// Log message of a process that is about to start its actors.
 pub const STARTS: &str = "starts";
 
+/// Log message of a process of which the grant allows its stage with the flight controller at its port. Its fields name both.
+pub const GRANT_ALLOWS: &str = "the grant allows the stage";
+
+/// Begin of the log message of a process with a flight controller that the grant does not allow its stage.
+pub const STAGE_FALLS: &str = "the stage falls to bench";
+
 /// A message from the starter.
 #[derive(Debug, Clone, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -213,6 +213,7 @@ impl Incarnation {
             .map_err(DaemonError::Runtime)?;
         let (drone, at_ns) = (config.id.0, clock.now().as_nanos());
         tracing::info!(drone, at_ns, incarnation = number, address = %network.address(), "{STARTS}");
+        vehicle.begin();
         let has_agent = config.plan.agent.is_some() && !config.is_relay();
         let monitor = Monitor::new(
             Reporter::new(config.id, config.log == Format::Json),

@@ -13,11 +13,12 @@ use muster_port::Found;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::file;
 use muster_runtime::identity::{
-    CalendarTime, ControllerFacts, GrantRefusal, GrantedStage, GroundCheck,
+    CalendarTime, ControllerFacts, GrantRefusal, GrantedStage, GroundCheck, hex,
 };
 use thiserror::Error;
 
 use crate::config::Permission;
+use crate::control::{GRANT_ALLOWS, STAGE_FALLS};
 
 /// No flight goes on for longer after its grant has ended.
 const FLIGHT_MAX: Duration = Duration::from_secs(3_600);
@@ -98,13 +99,24 @@ impl Checker {
             Err(refusal) => (Stage::Bench, Some(refusal.to_string())),
         };
         match &refusal {
-            None => tracing::info!(stage = %permission.stage, "the grant allows the stage"),
-            Some(refusal) => tracing::warn!("the stage falls to bench: {refusal}"),
+            None => log_allowed(permission),
+            Some(refusal) => tracing::warn!("{STAGE_FALLS}: {refusal}"),
         }
         *self.refused.lock().unwrap_or_else(PoisonError::into_inner) = refusal;
         self.checked = found.map(|found| (found, stage));
         stage
     }
+}
+
+/// The evidence of a tethered flight: `muster deploy promote` compares the controller with the one at hand.
+fn log_allowed(permission: &Permission) {
+    let ControllerFacts {
+        chip,
+        firmware,
+        settings,
+    } = &permission.grant.controller;
+    let (stage, settings) = (permission.stage, hex(settings));
+    tracing::info!(%stage, chip, firmware, settings, "{GRANT_ALLOWS}");
 }
 
 const fn stage_of(stage: GrantedStage) -> Stage {

@@ -1,6 +1,7 @@
 //! What a drone's process flies: a simulated vehicle, or a flight controller or an autopilot behind a port.
 
 use std::io;
+use std::sync::mpsc::Sender;
 use std::sync::{Arc, PoisonError};
 use std::time::Duration;
 
@@ -52,6 +53,8 @@ pub(super) struct Controlled {
     /// Newest telemetry for the navigation.
     telemetry: Telemetry,
     introduction: Introduction,
+    /// Tells the thread of the port that the process has started.
+    begin: Sender<()>,
 }
 
 /// Telemetry before the link has reported any.
@@ -69,6 +72,15 @@ pub(super) const UNKNOWN: Telemetry = Telemetry {
 };
 
 impl Vehicle {
+    /// The process has started: the port's controller may be checked from now on. So what the grant allows is in the log after
+    /// the start that it is for.
+    pub(super) fn begin(&self) {
+        if let Self::Controlled(controlled) = self {
+            // The thread is gone if the port is.
+            let _ = controlled.begin.send(());
+        }
+    }
+
     /// Waits until a flight controller or an autopilot has reported whether it is armed, but not for long: it may be off.
     pub(super) async fn learn_whether_armed(&mut self) {
         if let Self::Simulated(_) = self {
@@ -267,9 +279,13 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
     let source = Arc::downgrade(&port);
     let mut checker = Checker::new(config.permission.clone());
     let refused = checker.refused();
+    let (begin, begun) = std::sync::mpsc::channel();
     std::thread::Builder::new()
         .name("port-events".to_owned())
         .spawn(move || {
+            if begun.recv().is_err() {
+                return;
+            }
             let mut arming = Arming::default();
             while let Some(port) = source.upgrade()
                 && !sender.is_closed()
@@ -294,6 +310,7 @@ pub(super) fn controlled(config: &ControllerConfig) -> io::Result<(Vehicle, Port
         refused,
         telemetry: UNKNOWN,
         introduction: Introduction::default(),
+        begin,
     };
     let vehicle = Vehicle::Controlled(Box::new(controlled));
     Ok((vehicle, events))
