@@ -50,6 +50,11 @@ UNSAFE = [
     ("override", ["set rates_type = QUICK"], "rates"),
     ("override", ["set msp_override_channels_mask = 7"], "override-mask"),
     ("override", ["aux 2 50 2 900 900 0 0"], "override-mode"),
+    ("override", ["aux 2 50 2 1700 1900 0 0"], "override-range"),
+    ("override", ["aux 2 50 0 1700 2100 0 0"], "override-switch"),
+    ("override", ["aux 3 1 3 1700 2100 1 0"], "mode-link"),
+    ("override", ["aux 3 50 3 900 900 0 1"], "mode-link"),
+    ("override", ["aux 3 6 3 900 2100 0 0"], "other-mode"),
 ]
 
 

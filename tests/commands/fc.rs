@@ -8,7 +8,8 @@ use std::thread;
 use std::time::Duration;
 
 use muster_msp::{
-    Decoder, Direction, Frame, OpticalFlow, RangefinderSample, Version, encode, order,
+    Decode, Decoder, Direction, Frame, Message, ModeRangeExtra, ModeRanges, ModeRangesExtra,
+    OpticalFlow, RangefinderSample, ShortList, Version, encode, order, reply,
 };
 use serde_json::Value;
 
@@ -34,7 +35,29 @@ fn replies() -> Vec<Vec<u8>> {
     let golden = include_str!("../../actors/msp/tests/data/golden.toml");
     let mut all = frames(replies, "reply", "reply");
     all.extend(frames(golden, "frame", "hex"));
+    all.push(extras(&all));
     all
+}
+
+/// What was not recorded: none of the modes' ranges has a link or the logic AND.
+fn extras(replies: &[Vec<u8>]) -> Vec<u8> {
+    let mut modes = Vec::new();
+    for frame in replies {
+        Decoder::default().read(frame, |frame| {
+            if frame.command == ModeRanges::COMMAND && modes.is_empty() {
+                let ranges = ModeRanges::decode(frame.payload).unwrap().ranges;
+                modes.extend(ranges.into_iter().map(|it| it.mode));
+            }
+        });
+    }
+    let plain = |mode| ModeRangeExtra {
+        mode,
+        ..ModeRangeExtra::default()
+    };
+    let extras = ShortList(modes.into_iter().map(plain).collect());
+    let mut frame = Vec::new();
+    reply(Version::V1, &ModeRangesExtra { extras }, &mut frame).unwrap();
+    frame
 }
 
 /// The same reply in the version of its question, as Betaflight does.

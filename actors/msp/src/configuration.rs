@@ -4,7 +4,7 @@ use crate::field::Payload;
 use crate::message::{
     AdvancedConfig, ApiVersion, ArmingConfig, BatteryConfig, BoardInfo, BoxIds, CfSerialConfig,
     Decode, Encode, FailsafeConfig, FcVariant, FcVersion, FeatureConfig, Message, ModeRanges,
-    PidAdvanced, RcTuning, RxConfig, RxFailConfig, RxMap,
+    ModeRangesExtra, PidAdvanced, RcTuning, RxConfig, RxFailConfig, RxMap,
 };
 
 /// Something that a controller can be asked through.
@@ -149,6 +149,8 @@ pub struct Configuration {
     pub failsafe: FailsafeConfig,
     /// What activates the modes.
     pub ranges: ModeRanges,
+    /// How these are combined.
+    pub extras: ModeRangesExtra,
     /// Arming.
     pub arming: ArmingConfig,
     /// Battery.
@@ -166,7 +168,7 @@ pub struct Configuration {
 }
 
 impl Configuration {
-    /// Asks for all of it but what only the command line tells: 17 or 18 requests.
+    /// Asks for all of it but what only the command line tells: 18 or 19 requests.
     ///
     /// # Errors
     /// Those of [`Ask::ask`].
@@ -179,6 +181,7 @@ impl Configuration {
             lost: ask(controller)?,
             failsafe: ask(controller)?,
             ranges: ask(controller)?,
+            extras: ask(controller)?,
             arming: ask(controller)?,
             battery: ask(controller)?,
             serial: ask(controller)?,
@@ -200,6 +203,7 @@ impl Configuration {
         append(&self.lost, &mut bytes);
         append(&self.failsafe, &mut bytes);
         append(&self.ranges, &mut bytes);
+        append(&self.extras, &mut bytes);
         append(&self.arming, &mut bytes);
         append(&self.battery, &mut bytes);
         append(&self.serial, &mut bytes);

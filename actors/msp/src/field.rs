@@ -256,3 +256,31 @@ impl Field for Counted {
         to.write(bytes);
     }
 }
+
+/// A list of things with their number in a byte before it; only the first 255 are written.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ShortList<T>(pub Vec<T>);
+
+impl<T> Default for ShortList<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<T: Field> Field for ShortList<T> {
+    const SHORTEST: usize = 1;
+
+    fn read(from: &mut Reader<'_>) -> Result<Self, Short> {
+        let count = u8::read(from)?;
+        (0..count)
+            .map(|_| T::read(from))
+            .collect::<Result<_, _>>()
+            .map(Self)
+    }
+
+    fn write(&self, to: &mut Payload) {
+        let count = u8::try_from(self.0.len()).unwrap_or(u8::MAX);
+        count.write(to);
+        self.0.iter().take(count.into()).for_each(|it| it.write(to));
+    }
+}

@@ -27,7 +27,7 @@ pub use channels::{
 pub use configuration::{Ask, CommandLineSettings, Configuration, Identity, OverrideSettings, ask};
 pub use conversation::{Answer, BadAnswer, Conversation, Telemetry};
 pub use decoder::{Counts, Decoder, FRAME_TIME_MAX};
-pub use field::{Counted, Letters, Payload, ShortText, Text, Unused};
+pub use field::{Counted, Letters, Payload, ShortList, ShortText, Text, Unused};
 pub use flow::FlowReading;
 pub use frame::{
     Direction, EncodeError, FRAME_MAX, Frame, PAYLOAD_MAX, REQUEST_MAX, Version, acknowledge,

@@ -7,9 +7,9 @@ use muster_msp::{
     AdvancedConfig, Altitude, Analog, ApiVersion, ArmingConfig, Attitude, BatteryConfig,
     BatteryState, BoardInfo, BoxIds, BoxNames, CfSerialConfig, CompGps, Decode, Decoder, Encode,
     FRAME_MAX, FRAME_TIME_MAX, FailsafeConfig, FcVariant, FcVersion, FeatureConfig, ModeRanges,
-    Motor, Name, OpticalFlow, PidAdvanced, REQUEST_MAX, RangefinderSample, RawGps, RawImu, Rc,
-    RcTuning, Reboot, ReceivedMotors, ReceivedRc, RxConfig, RxFailConfig, RxMap, Sonar, Status,
-    StatusEx, Uid, Version, encode, reply,
+    ModeRangesExtra, Motor, Name, OpticalFlow, PidAdvanced, REQUEST_MAX, RangefinderSample, RawGps,
+    RawImu, Rc, RcTuning, Reboot, ReceivedMotors, ReceivedRc, RxConfig, RxFailConfig, RxMap, Sonar,
+    Status, StatusEx, Uid, Version, encode, reply,
 };
 
 /// The pieces in which the stream is read once more, in bytes.
@@ -77,6 +77,7 @@ fn read_payload(payload: &[u8]) {
         BoxIds,
         BoxNames,
         ModeRanges,
+        ModeRangesExtra,
         RxMap,
         RxConfig,
         FailsafeConfig,

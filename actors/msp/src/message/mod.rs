@@ -15,7 +15,10 @@ mod status;
 pub use battery::{Analog, BatteryConfig, BatteryLevel, BatteryState, CellLimits};
 pub use gps::{CompGps, RawGps};
 pub use identity::{ApiVersion, BoardInfo, FcVariant, FcVersion, Name, Uid};
-pub use modes::{BoxIds, BoxNames, Mode, ModeRange, ModeRanges, Modes};
+pub use modes::{
+    BoxIds, BoxNames, Mode, ModeLogic, ModeRange, ModeRangeExtra, ModeRanges, ModeRangesExtra,
+    Modes,
+};
 pub use motors::{AdvancedConfig, Motor, MotorProtocol};
 pub use orders::{AccCalibration, EepromWrite, Reboot, RebootMode};
 pub use rates::{PidAdvanced, RatesType, RcTuning, ThrottleLimit};

@@ -1,7 +1,7 @@
 //! Modes: which there are, what switches them, which are active.
 
-use super::{code, message};
-use crate::field::{Field, Payload, Reader, Short, Text};
+use super::{code, fields, message};
+use crate::field::{Field, Payload, Reader, Short, ShortList, Text};
 
 code! {
     /// A mode by its permanent number (`msp_box.c`). Only those that concern this project have names here.
@@ -10,6 +10,7 @@ code! {
         Angle = 1 "ANGLE",
         Horizon = 2 "HORIZON",
         AltHold = 3 "ALTHOLD",
+        HeadFree = 6 "HEADFREE",
         PosHold = 11 "POS HOLD",
         Failsafe = 27 "FAILSAFE",
         AirMode = 28 "AIR MODE",
@@ -18,6 +19,17 @@ code! {
         GpsRescue = 46 "GPS RESCUE",
         MspOverride = 50 "MSP OVERRIDE",
     }
+}
+
+impl Mode {
+    /// Modes in which sticks are no tilts about the body's axes, or throttle is no thrust.
+    pub const OTHER_STICKS: [Self; 5] = [
+        Self::Horizon,
+        Self::AltHold,
+        Self::HeadFree,
+        Self::PosHold,
+        Self::GpsRescue,
+    ];
 }
 
 message! {
@@ -123,5 +135,41 @@ impl ModeRanges {
             .iter()
             .copied()
             .filter(move |it| it.mode == mode && it.is_used())
+    }
+}
+
+code! {
+    /// How a range is combined with the other ranges of its mode.
+    ModeLogic {
+        Or = 0 "OR",
+        And = 1 "AND",
+    }
+}
+
+fields! {
+    /// What [`ModeRange`] does not tell of a range.
+    ModeRangeExtra {
+        /// Which mode.
+        mode: Mode,
+        /// Whether the mode needs this range besides others, or is on with any of them.
+        logic: ModeLogic,
+        /// The mode is on while this one is, whatever the range; ARM: while no other mode is, for none can be linked to ARM.
+        linked_to: Mode,
+    }
+}
+
+impl ModeRangeExtra {
+    /// Whether the range alone activates its mode.
+    #[must_use]
+    pub fn is_plain(&self) -> bool {
+        self.logic == ModeLogic::Or && self.linked_to == Mode::Arm
+    }
+}
+
+message! {
+    /// What [`ModeRanges`] does not tell, in the same order. Betaflight 4.0 and newer.
+    ModeRangesExtra = 238 as "MSP_MODE_RANGES_EXTRA" {
+        /// As many as there are ranges.
+        extras: ShortList<ModeRangeExtra>,
     }
 }

@@ -3,8 +3,9 @@
 use muster_msp::{
     AdvancedConfig, BatteryConfig, CellLimits, CfSerialConfig, CommandLineSettings, Configuration,
     FailsafeConfig, FailsafeProcedure, FcVersion, FeatureConfig, Identity, Letters, Mode,
-    ModeRange, ModeRanges, MotorProtocol, OverrideSettings, PidAdvanced, RatesType, RcTuning,
-    RxConfig, RxFail, RxFailConfig, RxFailMode, RxMap, SerialPort, ThrottleLimit,
+    ModeRange, ModeRangeExtra, ModeRanges, ModeRangesExtra, MotorProtocol, OverrideSettings,
+    PidAdvanced, RatesType, RcTuning, RxConfig, RxFail, RxFailConfig, RxFailMode, RxMap,
+    SerialPort, ShortList, ThrottleLimit,
 };
 
 pub(crate) fn range(mode: Mode, aux: u8, first_us: u16, end_us: u16) -> ModeRange {
@@ -15,6 +16,16 @@ pub(crate) fn range(mode: Mode, aux: u8, first_us: u16, end_us: u16) -> ModeRang
         first_step: step(first_us),
         end_step: step(end_us),
     }
+}
+
+/// Ranges of these modes, which nothing is linked with.
+pub(crate) fn plain(modes: &[Mode]) -> ModeRangesExtra {
+    let plain = |mode| ModeRangeExtra {
+        mode,
+        ..ModeRangeExtra::default()
+    };
+    let extras = ShortList(modes.iter().copied().map(plain).collect());
+    ModeRangesExtra { extras }
 }
 
 pub(crate) fn lost(mode: RxFailMode, value_us: u16) -> RxFail {
@@ -77,6 +88,7 @@ pub(crate) fn sole() -> Configuration {
                 ModeRange::default(),
             ],
         },
+        extras: plain(&[Mode::Arm, Mode::Angle, Mode::Arm]),
         battery: BatteryConfig {
             voltage_source: 1,
             limits: Some(CellLimits {
@@ -125,6 +137,7 @@ pub(crate) fn overridden() -> Configuration {
         .ranges
         .ranges
         .push(range(Mode::MspOverride, 2, 1700, 2100));
+    configuration.extras = plain(&[Mode::Arm, Mode::Angle, Mode::Arm, Mode::MspOverride]);
     configuration.command_line = Some(CommandLineSettings {
         over_ride: Some(OverrideSettings {
             mask: 15,

@@ -1,16 +1,17 @@
 //! Each rule finds the one setting that breaks it, and nothing else; a safe configuration breaks none.
 
 mod configurations;
+mod modes;
 
 use muster_msp::check::{Finding, ReceiverMode, check};
 use muster_msp::{
     Ask, CellLimits, CommandLineSettings, Configuration, Decode, Decoder, Encode,
-    FailsafeProcedure, FeatureConfig, Letters, Mode, MotorProtocol, OverrideSettings, RatesType,
-    RxFailMode, ThrottleLimit, Version, order,
+    FailsafeProcedure, FeatureConfig, Letters, Message, Mode, ModeLogic, ModeRangesExtra,
+    MotorProtocol, OverrideSettings, RatesType, RxFailMode, ThrottleLimit, Version, order,
 };
 use serde::Deserialize;
 
-use self::configurations::{lost, overridden, range, sole, version};
+use self::configurations::{lost, overridden, plain, range, sole, version};
 
 fn rules(findings: &[Finding]) -> Vec<&'static str> {
     findings.iter().map(|it| it.rule).collect()
@@ -202,7 +203,7 @@ const OF_ANY_MODE: [(&str, Change); 11] = [
     }),
 ];
 
-const OVERRIDDEN: [(&str, Change); 14] = [
+const OVERRIDDEN: [(&str, Change); 20] = [
     ("receiver", |it| {
         it.features.features |= FeatureConfig::RX_MSP;
     }),
@@ -250,6 +251,28 @@ const OVERRIDDEN: [(&str, Change); 14] = [
             .expect("the configuration has it");
         *switch = range(Mode::MspOverride, 2, 900, 2100);
     }),
+    ("override-range", |it| {
+        it.ranges.ranges[3] = range(Mode::MspOverride, 2, 1600, 1700);
+    }),
+    ("override-switch", |it| {
+        it.ranges.ranges[3] = range(Mode::MspOverride, 0, 1700, 2100);
+    }),
+    ("override-switch", |it| {
+        let kill = range(Mode::Failsafe, 2, 900, 1300);
+        it.ranges.ranges.push(kill);
+    }),
+    ("override-switch", |it| {
+        let stop = range(Mode::Paralyze, 2, 1700, 2100);
+        it.ranges.ranges.push(stop);
+    }),
+    ("other-mode", |it| {
+        let always = range(Mode::HeadFree, 3, 900, 2100);
+        it.ranges.ranges.push(always);
+    }),
+    ("other-mode", |it| {
+        let with_the_override = range(Mode::AltHold, 2, 1900, 2100);
+        it.ranges.ranges.push(with_the_override);
+    }),
 ];
 
 fn cell(configuration: &mut Configuration) -> &mut CellLimits {
@@ -285,6 +308,10 @@ fn each_unsafe_setting_is_found_alone() {
         for (rule, change) in changes {
             let mut configuration = configuration();
             change(&mut configuration);
+            let modes: Vec<_> = (configuration.ranges.ranges.iter())
+                .map(|it| it.mode)
+                .collect();
+            configuration.extras = plain(&modes);
             let findings = check(&configuration, mode);
             assert_eq!(rules(&findings), [*rule], "{mode}: {findings:?}");
             assert!(!findings[0].set.is_empty());
@@ -320,8 +347,9 @@ fn a_finding_about_rates_names_and_mends_only_what_differs() {
 }
 
 #[test]
-fn other_rates_are_other_settings() {
-    let changes: [Change; 2] = [
+fn other_rates_and_links_are_other_settings() {
+    let changes: [Change; 3] = [
+        |it| it.extras.extras.0[1].logic = ModeLogic::And,
         |it| it.rates.roll_expo = 1,
         |it| it.angle.angle_limit_deg = 59,
     ];
@@ -381,6 +409,11 @@ impl Ask for Recorded {
     type Error = &'static str;
 
     fn ask<Q: Encode, M: Decode>(&mut self, request: &Q) -> Result<M, Self::Error> {
+        if M::COMMAND == ModeRangesExtra::COMMAND {
+            // It was not recorded. By default no range is linked: 20 times ARM, OR, ARM.
+            let plain = [&[20][..], &[0; 60]].concat();
+            return M::decode(&plain).map_err(|_| M::NAME);
+        }
         let golden: Golden = toml::from_str(include_str!("../data/golden.toml")).expect("TOML");
         let mut sent = Vec::new();
         order(Version::V1, request, &mut sent).expect("short enough");

@@ -3,9 +3,10 @@
 use muster_msp::{
     AdvancedConfig, ApiVersion, ArmingConfig, BatteryConfig, BoardInfo, BoxIds, BoxNames,
     CellLimits, CfSerialConfig, FailsafeConfig, FailsafeProcedure, FailsafeSwitch, FcVariant,
-    FcVersion, FeatureConfig, Letters, Message, Mode, ModeRange, ModeRanges, MotorProtocol, Name,
-    PidAdvanced, RatesType, RcTuning, RxConfig, RxFail, RxFailConfig, RxFailMode, RxMap,
-    SerialPort, ShortText, Text, ThrottleLimit, Uid, Unused,
+    FcVersion, FeatureConfig, Letters, Message, Mode, ModeRange, ModeRangeExtra, ModeRanges,
+    ModeRangesExtra, MotorProtocol, Name, PidAdvanced, RatesType, RcTuning, RxConfig, RxFail,
+    RxFailConfig, RxFailMode, RxMap, SerialPort, ShortList, ShortText, Text, ThrottleLimit, Uid,
+    Unused,
 };
 
 use super::{Request, Serial};
@@ -110,6 +111,16 @@ impl Serial {
                 let mut ranges: Vec<_> = settings.modes.iter().map(mode_range).collect();
                 ranges.resize(MODE_RANGES, ModeRange::default());
                 self.reply(request, &ModeRanges { ranges });
+            }
+            ModeRangesExtra::COMMAND => {
+                let plain = |mode| ModeRangeExtra {
+                    mode,
+                    ..ModeRangeExtra::default()
+                };
+                let mut extras: Vec<_> = settings.modes.iter().map(|it| plain(it.mode)).collect();
+                extras.resize(MODE_RANGES, ModeRangeExtra::default());
+                let extras = ShortList(extras);
+                self.reply(request, &ModeRangesExtra { extras });
             }
             BatteryConfig::COMMAND => self.reply(request, &battery(settings)),
             AdvancedConfig::COMMAND => {

@@ -1,7 +1,7 @@
 use muster_controller::{Config, Settings};
 use muster_msp::{
     Altitude, Analog, ApiVersion, Attitude, BatteryState, BoardInfo, BoxIds, BoxNames, FcVariant,
-    FcVersion, FeatureConfig, ModeRanges, RawGps, RawImu, Rc as Channels, Sonar,
+    FcVersion, FeatureConfig, ModeRanges, ModeRangesExtra, RawGps, RawImu, Rc as Channels, Sonar,
 };
 
 use crate::companion::{Companion, Rc, exact, origin};
@@ -128,6 +128,11 @@ fn settings_are_told() {
         (arm[0].aux, arm[0].first_us(), arm[0].end_us()),
         (0, 1_700, 2_100)
     );
+    let extras = companion.ask::<ModeRangesExtra>().extras.0;
+    let of_ranges: Vec<_> = ranges.ranges.iter().map(|it| it.mode).collect();
+    let of_extras: Vec<_> = extras.iter().map(|it| it.mode).collect();
+    assert_eq!(of_extras, of_ranges);
+    assert!(extras.iter().all(|it| it.is_plain()));
     assert!(companion.ask::<FeatureConfig>().has(FeatureConfig::RX_MSP));
 }
 

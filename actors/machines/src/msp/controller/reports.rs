@@ -2,9 +2,6 @@
 
 use muster_msp::{BoxIds, Mode, Status};
 
-/// Modes in which sticks are no tilts, or throttle is no thrust.
-const OTHER_MODES: [Mode; 4] = [Mode::Horizon, Mode::AltHold, Mode::PosHold, Mode::GpsRescue];
-
 /// What the controller says of itself.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub(super) struct Reported {
@@ -31,7 +28,9 @@ impl Reported {
             failsafe: is_active(Mode::Failsafe) == Some(true),
             overridden: is_active(Mode::MspOverride),
             levels: is_active(Mode::Angle) == Some(true)
-                && OTHER_MODES.iter().all(|it| is_active(*it) != Some(true)),
+                && Mode::OTHER_STICKS
+                    .iter()
+                    .all(|it| is_active(*it) != Some(true)),
         }
     }
 
