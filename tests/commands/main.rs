@@ -3,6 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
 mod campaign;
+mod card;
 mod chaos;
 mod closed_pipe;
 mod fc;

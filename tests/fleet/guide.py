@@ -114,6 +114,7 @@ def shell(command, folder, *before):
 
 def card_commands(lab, folder, wanted):
     for number, command in enumerate(wanted):
+        (folder / f"card-{number}").touch()
         stand_ins = {"~/.ssh/id_ed25519.pub": f"{folder}/key.pub", "/dev/sda": f"{folder}/card-{number}", "img.xz": "img"}
         for name, stand_in in stand_ins.items():
             command = command.replace(name, stand_in)
