@@ -78,7 +78,11 @@ pub fn spread(
         .map(|nth| request.folder.join(part_name(nth, shards)))
         .collect();
     let missing = (1..=shards).filter(|nth| !parts[nth - 1].is_dir());
-    let queue = Queue::new(missing.collect());
+    let missing: VecDeque<_> = missing.collect();
+    if missing.is_empty() {
+        return Ok(parts);
+    }
+    let queue = Queue::new(missing);
     let last = Mutex::new(String::new());
     std::thread::scope(|scope| {
         for (nth, run) in request.hosts.iter().enumerate() {

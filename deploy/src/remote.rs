@@ -3,7 +3,9 @@
 use std::io::{self, BufRead, Read, Write};
 use std::path::Path;
 use std::process::{Command, Stdio};
+use std::sync::mpsc::channel;
 use std::thread;
+use std::time::Duration;
 
 use thiserror::Error;
 
@@ -11,9 +13,16 @@ use thiserror::Error;
 pub(crate) const NO_CONNECTION: i32 = 255;
 
 /// The longest line that is read, in bytes; the rest of it counts as another line.
-const LINE_MAX: u64 = 4 * 1_024 * 1_024;
+pub(crate) const LINE_MAX: u64 = 4 * 1_024 * 1_024;
 /// The longest output of a command, in bytes.
 const OUTPUT_MAX: u64 = 512 * 1_024 * 1_024;
+
+/// Time for a short command, with the connection.
+const SHORT_MAX: Duration = Duration::from_secs(30);
+/// Slowest connection that a file is sent over, in bytes a second.
+pub(crate) const SLOWEST: u64 = 20_000;
+/// The temporary folders of this program on hosts, without the letters and digits at the end.
+const TEMPORARY: &str = "/var/tmp/muster.";
 
 /// Lines of what a host sends, each of limited length. They end with the input, or at its first error.
 pub(crate) struct Lines<R>(pub(crate) R);
@@ -34,12 +43,17 @@ impl<R: BufRead> Iterator for Lines<R> {
 
 /// The command that reaches a host, with a connection of its own: ssh may otherwise share one that was there before.
 pub(crate) fn own_connection(run: &[String]) -> Vec<String> {
-    let mut own = run.to_vec();
+    with_option(run, "ControlPath=none")
+}
+
+/// Adds an option to a command that is ssh.
+fn with_option(run: &[String], option: &str) -> Vec<String> {
+    let mut all = run.to_vec();
     if run.first().is_some_and(|it| Path::new(it).ends_with("ssh")) {
         // The first setting counts.
-        own.splice(1..1, ["-o", "ControlPath=none"].map(str::to_owned));
+        all.splice(1..1, ["-o", option].map(str::to_owned));
     }
-    own
+    all
 }
 
 /// Why a command on a host did not succeed.
@@ -60,8 +74,10 @@ pub(crate) enum RemoteError {
     },
 }
 
-/// A command on a host. Its words have no characters that a shell there would read as more.
+/// A command on a host. Its words have no characters that a shell there would read as more. ssh ends within half a minute if
+/// the host falls silent.
 pub(crate) fn command(run: &[String], words: &[&str]) -> Command {
+    let run = with_option(run, "ServerAliveInterval=10");
     let mut all = run.iter().map(String::as_str).chain(words.iter().copied());
     let mut command = Command::new(all.next().unwrap_or("false"));
     command.args(all);
@@ -72,8 +88,18 @@ pub(crate) fn command(run: &[String], words: &[&str]) -> Command {
     command
 }
 
-/// Runs a command on a host with this input. Returns what it prints.
+/// Runs a command on a host with this input, however long it takes. Returns what it prints.
 pub(crate) fn output(run: &[String], words: &[&str], input: &[u8]) -> Result<Vec<u8>, RemoteError> {
+    output_within(run, words, input, None)
+}
+
+/// As [`output`]. A command that takes longer than `limit` is ended here, and its host counts as lost.
+fn output_within(
+    run: &[String],
+    words: &[&str],
+    input: &[u8],
+    limit: Option<Duration>,
+) -> Result<Vec<u8>, RemoteError> {
     let lost = |error: io::Error| RemoteError::Lost(error.to_string());
     let failed = |why: String, code| RemoteError::Failed {
         command: words.join(" "),
@@ -84,19 +110,31 @@ pub(crate) fn output(run: &[String], words: &[&str], input: &[u8]) -> Result<Vec
     let mut stdin = child.stdin.take().expect("stdin is piped");
     let stdout = child.stdout.take().expect("stdout is piped");
     let stderr = child.stderr.take().expect("stderr is piped");
-    let (printed, why) = thread::scope(|scope| {
-        scope.spawn(move || {
-            // A command that does not read its input fails by itself.
-            let _ = stdin.write_all(input);
-        });
-        let errors = scope.spawn(|| last_line(io::BufReader::new(stderr)));
-        let printed = read_all(stdout, OUTPUT_MAX);
-        if !matches!(printed, Ok(Some(_))) {
-            let _ = child.kill();
-        }
-        (printed, errors.join().unwrap_or_default())
-    });
+    let input = input.to_vec();
+    // A command that does not read its input fails by itself.
+    thread::spawn(move || drop(stdin.write_all(&input)));
+    let errors = thread::spawn(|| last_line(io::BufReader::new(stderr)));
+    let (sender, printed) = channel();
+    // The receiver is gone once the time is over.
+    thread::spawn(move || drop(sender.send(read_all(stdout, OUTPUT_MAX))));
+    let printed = match limit {
+        Some(limit) => printed.recv_timeout(limit).map_err(|_| limit),
+        None => Ok(printed.recv().expect("the reading thread sends once")),
+    };
+    if !matches!(printed, Ok(Ok(Some(_)))) {
+        let _ = child.kill();
+    }
     let status = child.wait().map_err(lost)?;
+    let printed = printed.map_err(|limit| {
+        // What the command has started may hold its output open: the threads are left to it.
+        let why = format!(
+            "`{}` has not ended within {} s",
+            words.join(" "),
+            limit.as_secs()
+        );
+        RemoteError::Lost(why)
+    })?;
+    let why = errors.join().unwrap_or_default();
     let Some(printed) = printed.map_err(lost)? else {
         return Err(failed(format!("prints more than {OUTPUT_MAX} bytes"), None));
     };
@@ -122,21 +160,33 @@ pub(crate) fn last_line(errors: impl BufRead) -> String {
         .unwrap_or_default()
 }
 
-/// As [`output`], for one line of text.
+/// Runs a short command on a host. Returns the last line that it prints: a shell there may greet before.
 pub(crate) fn line(run: &[String], words: &[&str]) -> Result<String, RemoteError> {
-    let output = output(run, words, &[])?;
-    Ok(String::from_utf8_lossy(&output).trim().to_owned())
+    let output = output_within(run, words, &[], Some(SHORT_MAX))?;
+    Ok(last_line(&output[..]).trim().to_owned())
 }
 
-/// Makes a folder on a host that only its user can read. Returns its path.
+/// Makes a folder on a host that only its user can read. Returns its path, which is no other: it is removed at the end.
 pub(crate) fn temporary_folder(run: &[String]) -> Result<String, RemoteError> {
-    line(run, &["mktemp", "-d", "/var/tmp/muster.XXXXXXXX"])
+    let words = ["mktemp", "-d", "/var/tmp/muster.XXXXXXXX"];
+    let folder = line(run, &words)?;
+    let random = folder.strip_prefix(TEMPORARY).unwrap_or_default();
+    if !random.is_empty() && random.chars().all(|it| it.is_ascii_alphanumeric()) {
+        return Ok(folder);
+    }
+    Err(RemoteError::Failed {
+        command: words.join(" "),
+        why: format!("prints {folder:?}; accepted: a path of {TEMPORARY} and letters and digits"),
+        code: Some(0),
+    })
 }
 
 /// Writes a file on a host.
 pub(crate) fn upload(run: &[String], path: &str, content: &[u8]) -> Result<(), RemoteError> {
     let to = format!("of={path}");
-    output(run, &["dd", &to, "bs=64k", "status=none"], content).map(drop)
+    let limit = SHORT_MAX + Duration::from_secs(content.len() as u64 / SLOWEST);
+    let words = ["dd", &to, "bs=64k", "status=none"];
+    output_within(run, &words, content, Some(limit)).map(drop)
 }
 
 /// Runs a command on a host with this process's output and errors, as `journalctl`.
@@ -182,6 +232,59 @@ mod tests {
         );
         let words = failed.unwrap_err().to_string();
         assert!(words.ends_with("two"), "{words}");
+    }
+
+    /// A host of which the shell greets each command on standard output.
+    fn greeting(greeting: &str) -> Vec<String> {
+        let script = format!("printf '{greeting}'; exec \"$0\" \"$@\"");
+        ["sh", "-c", &script].map(str::to_owned).to_vec()
+    }
+
+    #[test]
+    fn a_greeting_of_the_host_is_no_answer() {
+        let host = greeting("/home/pi\\nWelcome\\n\\n");
+        assert_eq!(line(&host, &["echo", "aarch64"]).unwrap(), "aarch64");
+        let folder = temporary_folder(&host).unwrap();
+        assert!(folder.starts_with("/var/tmp/muster."), "{folder}");
+        std::fs::remove_dir(folder).unwrap();
+    }
+
+    #[test]
+    fn only_a_folder_of_this_program_is_a_temporary_folder() {
+        for printed in [
+            "",
+            "/home/pi",
+            "/var/tmp/muster.",
+            "/var/tmp/muster.a/..",
+            "/var/tmp/muster.a b",
+        ] {
+            let script = format!("echo '{printed}'");
+            let host = ["sh", "-c", &script].map(str::to_owned);
+            let refused = temporary_folder(&host).unwrap_err().to_string();
+            assert!(
+                refused.contains("accepted: a path of /var/tmp/muster."),
+                "{refused}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_host_that_says_nothing_is_lost_after_a_time() {
+        // The shell waits for a child that holds the output open.
+        let host = ["sh", "-c", "sleep 60; true"].map(str::to_owned);
+        let begun = std::time::Instant::now();
+        let limit = Some(Duration::from_millis(200));
+        let lost = output_within(&host, &["uname"], &[], limit).unwrap_err();
+        assert!(matches!(lost, RemoteError::Lost(_)), "{lost}");
+        assert!(begun.elapsed() < Duration::from_secs(30));
+    }
+
+    #[test]
+    fn ssh_is_told_to_notice_a_silent_host() {
+        let ssh = ["ssh", "pi@a"].map(str::to_owned);
+        let told = command(&ssh, &["uname"]);
+        let arguments: Vec<_> = told.get_args().collect();
+        assert_eq!(arguments, ["-o", "ServerAliveInterval=10", "pi@a", "uname"]);
     }
 
     #[test]

@@ -85,3 +85,30 @@ fn campaign_resumes_on_other_hosts_and_keeps_its_complete_shards() {
     assert_eq!(shards(&parts), ["1/4", "2/4", "3/4", "4/4"]);
     assert!(mark.exists(), "a complete shard was run again");
 }
+
+#[test]
+fn a_host_that_greets_loses_no_folder_of_its_user() {
+    let home = tempfile::tempdir().unwrap();
+    let precious = home.path().join("precious");
+    fs::create_dir(&precious).unwrap();
+    // As a shell of ssh does, it splits what it is told.
+    let greeting = script(&home, "greeting", "echo HOME/precious; eval \"$*\"");
+    let program = script(&home, "muster", SHARD);
+    let folder = home.path().join("parts");
+    // The greeting is in the archive of the results, too.
+    spread_on(&[host(&greeting)], &program, 1, &folder).unwrap_err();
+    assert!(precious.is_dir());
+}
+
+#[test]
+fn complete_campaign_asks_no_host() {
+    let home = tempfile::tempdir().unwrap();
+    let folder = home.path().join("parts");
+    let program = script(&home, "muster", SHARD);
+    let healthy = [host(Path::new("env"))];
+    let parts = spread_on(&healthy, &program, 1, &folder).unwrap();
+    let silent = script(&home, "silent", "touch HOME/asked; sleep 60");
+    let again = spread_on(&[host(&silent)], &program, 1, &folder).unwrap();
+    assert_eq!(again, parts);
+    assert!(!home.path().join("asked").exists());
+}

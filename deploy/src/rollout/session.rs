@@ -10,15 +10,13 @@ use muster_daemon::slots::protocol::{PROTOCOL, SlotOrder, SlotReply};
 use thiserror::Error;
 
 use crate::remote::{
-    Lines, NO_CONNECTION, RemoteError, command, last_line, line, output, temporary_folder, upload,
+    Lines, NO_CONNECTION, RemoteError, SLOWEST, command, last_line, line, temporary_folder, upload,
 };
 
 /// The good release's program on a host.
 const INSTALLED: &str = "/opt/muster/good/musterd";
 /// Time for a host to answer, beyond what the bytes to send take.
 const ANSWER_MAX: Duration = Duration::from_secs(30);
-/// Slowest connection that a slot is sent over, in bytes a second.
-const SLOWEST: u64 = 20_000;
 /// Time for a command to end once its output has.
 const EXIT_MAX: Duration = Duration::from_secs(2);
 /// Lines of a host that wait to be read; the host waits for the rest.
@@ -85,7 +83,7 @@ struct Temporary {
 
 impl Drop for Temporary {
     fn drop(&mut self) {
-        let _ = output(&self.run, &["rm", "-r", &self.folder], &[]);
+        let _ = line(&self.run, &["rm", "-r", &self.folder]);
     }
 }
 
@@ -127,7 +125,7 @@ impl Session {
         };
         let path = format!("{}/musterd", temporary.folder);
         upload(run, &path, program)?;
-        output(run, &["chmod", "700", &path], &[])?;
+        line(run, &["chmod", "700", &path])?;
         let mut session = Self::of_program(run, &path)?;
         session.temporary = Some(temporary);
         Ok(session)

@@ -14,12 +14,13 @@ use muster_daemon::launcher::SILENCE_MAX;
 use muster_daemon::launcher::protocol::{LauncherCommand, Reply, VERSION, line};
 use muster_machines::identity::NodeId;
 use muster_machines::time::Timestamp;
-use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader, Lines};
-use tokio::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command};
+use tokio::io::AsyncWriteExt;
+use tokio::process::{Child, ChildStdin, ChildStdout, Command};
 use tokio::sync::mpsc::{self, UnboundedSender};
 use tokio::task::JoinHandle;
 use tokio::time::{Instant, MissedTickBehavior, interval, timeout, timeout_at};
 
+use super::lines::HostLines;
 use super::offset::Offset;
 use super::output::{ProcessOutput, parse};
 use super::process::HostEvent;
@@ -41,7 +42,7 @@ pub(super) struct HostConnection {
     name: String,
     child: Child,
     input: ChildStdin,
-    lines: Lines<BufReader<ChildStdout>>,
+    lines: HostLines<ChildStdout>,
     /// Reads standard error of the launcher or of the command that runs it; returns the last line.
     errors: JoinHandle<String>,
     clock: Clock,
@@ -92,8 +93,8 @@ impl HostConnection {
             name: host.name(),
             child,
             input,
-            lines: BufReader::new(output).lines(),
-            errors: tokio::spawn(last_line(errors)),
+            lines: HostLines::new(output),
+            errors: tokio::spawn(HostLines::new(errors).last()),
             last_reply_at: clock.now(),
             clock,
             is_local: host.is_local(),
@@ -184,7 +185,7 @@ impl HostConnection {
     /// The next reply; `None` after the last. Skips other lines, for example the greeting of a shell.
     async fn next_reply(&mut self) -> Option<Reply> {
         loop {
-            let line = self.lines.next_line().await.ok().flatten()?;
+            let line = self.lines.next().await?;
             let Ok(reply) = serde_json::from_str(&line) else {
                 continue;
             };
@@ -310,7 +311,7 @@ impl HostConnection {
     async fn end(mut self) -> String {
         drop(self.input);
         let deadline = Instant::now() + EXIT_MAX;
-        while let Ok(Ok(Some(_))) = timeout_at(deadline, self.lines.next_line()).await {}
+        while let Ok(Some(_)) = timeout_at(deadline, self.lines.next()).await {}
         if timeout_at(deadline, self.child.wait()).await.is_err() {
             // The launcher ends its drones by itself after the silence limit.
             let _ = self.child.kill().await;
@@ -322,15 +323,3 @@ impl HostConnection {
 
 /// The connection to a host is lost.
 struct Disconnected;
-
-/// Reads to the end and returns the last line that is not blank.
-async fn last_line(errors: ChildStderr) -> String {
-    let mut lines = BufReader::new(errors).lines();
-    let mut last = String::new();
-    while let Ok(Some(line)) = lines.next_line().await {
-        if !line.trim().is_empty() {
-            last = line;
-        }
-    }
-    last
-}

@@ -12,6 +12,7 @@ mod flight;
 mod folder;
 mod follower;
 mod host;
+mod lines;
 mod link;
 mod losses;
 mod offset;
