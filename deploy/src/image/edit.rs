@@ -5,6 +5,7 @@ use std::io::{self, Write};
 use std::os::unix::fs::{MetadataExt, PermissionsExt, chown, symlink};
 use std::path::{Path, PathBuf};
 
+use muster_runtime::diagnostic::BadInput;
 use tempfile::NamedTempFile;
 
 use super::ImageError;
@@ -105,6 +106,29 @@ impl Edit {
 
     pub(super) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Refuses a link of the card, which would lead to a file of this machine. `partitions`: their folders.
+    pub(super) fn refuse_links(&self, partitions: [&Path; 2]) -> Result<(), BadInput> {
+        let (written, moved) = match &self.kind {
+            Kind::Write(_) => (Some(self.path()), None),
+            Kind::Rename { from } => (None, Some(from.as_path())),
+            Kind::Folder { .. } | Kind::Link { .. } | Kind::Remove => (None, None),
+        };
+        let folders = [Some(self.path()), moved].into_iter().flatten();
+        let folders = folders.flat_map(|path| path.ancestors().skip(1));
+        let folders = folders.filter(|path| {
+            let is_inside = |it: &&Path| path != it && path.starts_with(it);
+            partitions.iter().any(is_inside)
+        });
+        for path in folders.chain(written) {
+            if path.is_symlink() {
+                let help =
+                    "begin with a stock Raspberry Pi OS Lite card: it has a folder or a file there";
+                return Err(BadInput::without_excerpt(path, "is a symbolic link", help));
+            }
+        }
+        Ok(())
     }
 
     fn carry_out(&self, undos: &mut Vec<Undo>) -> io::Result<()> {

@@ -17,7 +17,7 @@ use muster_runtime::diagnostic::{BadInput, read_text};
 use thiserror::Error;
 
 use self::edit::Edit;
-pub use self::settings::{RATES_MBPS, country, host_name, ssid, user_name};
+pub use self::settings::{RATES_MBPS, address, country, host_name, ssid, user_name};
 
 /// What a card is made for.
 #[derive(Debug, Clone)]
@@ -91,6 +91,12 @@ fn plan(boot: &Path, root: &Path, card: &Card) -> Result<Vec<Edit>, BadInput> {
         let help = "name a file with public keys, such as ~/.ssh/id_ed25519.pub";
         return Err(BadInput::without_excerpt(&card.authorized_keys, what, help));
     }
+    let config = boot.join("config.txt");
+    if let Some(what) = settings::is_no_config(&read_text(&config)?) {
+        let help =
+            "write the other mark back, or remove the lines of `muster deploy image` by hand";
+        return Err(BadInput::without_excerpt(&config, what, help));
+    }
     let mut edits = users::edits(root, card)?;
     let home = users::home(root, card)?;
     let ssh = root.join("home").join(&card.user).join(".ssh");
@@ -125,6 +131,9 @@ fn plan(boot: &Path, root: &Path, card: &Card) -> Result<Vec<Edit>, BadInput> {
     edits.push(Edit::remove(&root.join(
         "etc/systemd/system/multi-user.target.wants/userconfig.service",
     )));
+    for edit in &edits {
+        edit.refuse_links([boot, root])?;
+    }
     Ok(edits)
 }
 

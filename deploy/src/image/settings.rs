@@ -1,5 +1,7 @@
 //! What the files of a card say.
 
+use std::net::Ipv4Addr;
+
 use muster_daemon::audit::{CardRecord, DEFAULT_USER, RADIO, RECORD, SET_RATE};
 
 use super::Card;
@@ -34,6 +36,36 @@ pub fn host_name(text: &str) -> Result<String, String> {
         return Ok(text.to_owned());
     }
     Err("a host's name has up to 63 lower-case letters, digits and -, not at its ends".to_owned())
+}
+
+/// Reads a host's address and the length of its network's prefix.
+///
+/// # Errors
+/// What is accepted, in words.
+pub fn address(text: &str) -> Result<(Ipv4Addr, u8), String> {
+    let accepted =
+        "an address of a host and a prefix of 8 to 30 bits are accepted, such as 10.0.0.10/24";
+    let read = || {
+        let (address, prefix) = text.split_once('/')?;
+        let prefix = prefix.parse().ok().filter(|it| (8..=30).contains(it))?;
+        Some((address.parse::<Ipv4Addr>().ok()?, prefix))
+    };
+    let (address, prefix) = read().ok_or_else(|| accepted.to_owned())?;
+    let host = address.to_bits() & (u32::MAX >> prefix);
+    let what = if address.is_multicast() {
+        "is a multicast address"
+    } else if address.is_loopback() {
+        "is a loopback address"
+    } else if address.octets()[0] == 0 || address.octets()[0] >= 240 {
+        "is an address of no host"
+    } else if host == 0 {
+        "is the address of the network itself"
+    } else if host == u32::MAX >> prefix {
+        "is the network's broadcast address"
+    } else {
+        return Ok((address, prefix));
+    };
+    Err(format!("{address} {what}; {accepted}"))
 }
 
 /// Reads a network's name.
@@ -76,6 +108,19 @@ pub(super) fn is_no_public_key(text: &str) -> Option<&'static str> {
         .peekable();
     let has_none = lines.peek().is_none();
     (has_none || !lines.all(is_key)).then_some("this has lines that are no public keys of ssh")
+}
+
+/// Why what is ours in `config.txt` can't be replaced: lines after it would be lost. `None` if it can.
+pub(super) fn is_no_config(text: &str) -> Option<&'static str> {
+    let [begin, end] = MARKS;
+    let mut is_ours = false;
+    for line in text.lines() {
+        if line == begin && is_ours || line == end && !is_ours {
+            return Some("has a mark of `muster deploy image` without the other one");
+        }
+        is_ours = line == begin || is_ours && line != end;
+    }
+    is_ours.then_some("has a mark of `muster deploy image` without the other one")
 }
 
 /// The kernel's arguments: no console on the serial port, and the country of the radio.

@@ -306,3 +306,91 @@ fn what_is_no_card_or_no_public_key_is_refused_before_anything_is_written() {
     }
     assert!(ssid("a b").is_err() && ssid("a\n[wifi]").is_err() && country("de").is_err());
 }
+
+#[test]
+fn a_link_of_the_card_leads_to_no_file_of_this_machine() {
+    let machine = tempfile::tempdir().unwrap();
+    let link = |stock: &Stock, path: &str, name: &str| {
+        let path = stock.0.path().join(path);
+        let moved = machine.path().join(name);
+        fs::rename(&path, &moved).unwrap();
+        std::os::unix::fs::symlink(&moved, &path).unwrap();
+        moved
+    };
+    for (nth, path) in [
+        "root/etc/sudoers.d",
+        "root/home",
+        "root/etc/hosts",
+        "boot/config.txt",
+    ]
+    .iter()
+    .enumerate()
+    {
+        let stock = Stock::new();
+        let moved = link(&stock, path, &nth.to_string());
+        let before = stock.all();
+        let refused = stock.prepare(&stock.card()).unwrap_err().to_string();
+        assert!(refused.contains("is a symbolic link"), "{path}: {refused}");
+        assert_eq!(stock.all(), before, "{path}");
+        assert!(!moved.join("010_muster").exists());
+    }
+    // The folders of the partitions themselves may be reached by a link.
+    let stock = Stock::new();
+    let root = machine.path().join("root");
+    std::os::unix::fs::symlink(stock.0.path().join("root"), &root).unwrap();
+    prepare(&stock.0.path().join("boot"), &root, &stock.card()).unwrap();
+}
+
+#[test]
+fn a_user_of_the_name_of_a_group_is_refused() {
+    let stock = Stock::new();
+    let card = Card {
+        user: "sudo".to_owned(),
+        ..stock.card()
+    };
+    let before = stock.all();
+    let refused = stock.prepare(&card).unwrap_err().to_string();
+    assert!(
+        refused.contains("sudo is a group of this card"),
+        "{refused}"
+    );
+    assert_eq!(stock.all(), before);
+}
+
+#[test]
+fn a_mark_without_its_other_one_loses_no_lines() {
+    let stock = Stock::new();
+    stock.prepare(&stock.card()).unwrap();
+    let good = stock.read("boot/config.txt");
+    for mark in [
+        "# muster deploy image: begin\n",
+        "# muster deploy image: end\n",
+    ] {
+        let damaged = good.replace(mark, "") + "dtparam=spi=on\n";
+        fs::write(stock.0.path().join("boot/config.txt"), &damaged).unwrap();
+        let refused = stock.prepare(&stock.card()).unwrap_err().to_string();
+        assert!(refused.contains("without the other one"), "{refused}");
+        assert_eq!(stock.read("boot/config.txt"), damaged);
+    }
+}
+
+#[test]
+fn an_address_is_that_of_a_host() {
+    let (host, prefix) = (Ipv4Addr::new(10, 0, 0, 10), 24);
+    assert_eq!(address("10.0.0.10/24"), Ok((host, prefix)));
+    assert!(address("192.168.1.254/30").is_ok_and(|it| it.1 == 30));
+    for (text, why) in [
+        ("10.0.0.0/24", "network itself"),
+        ("10.0.0.255/24", "broadcast"),
+        ("10.255.255.255/8", "broadcast"),
+        ("239.1.1.1/24", "multicast"),
+        ("127.0.0.2/8", "loopback"),
+        ("0.0.0.1/8", "of no host"),
+        ("255.255.255.254/24", "of no host"),
+        ("10.0.0.10", "are accepted"),
+        ("10.0.0.10/31", "are accepted"),
+    ] {
+        let refused = address(text).unwrap_err();
+        assert!(refused.contains(why), "{text}: {refused}");
+    }
+}

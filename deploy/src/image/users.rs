@@ -36,6 +36,12 @@ pub(super) fn edits(root: &Path, card: &Card) -> Result<Vec<Edit>, BadInput> {
             return Err(BadInput::without_excerpt(&passwd, message, help));
         }
     }
+    let groups = root.join("etc/group");
+    if has_user(&read_text(&groups)?, &card.user) {
+        let message = format!("{} is a group of this card, and no user", card.user);
+        let help = "name another --user: the user gets a group of the same name";
+        return Err(BadInput::without_excerpt(&groups, message, help));
+    }
     let mut edits = Vec::new();
     for (name, may_be_absent) in FILES {
         let path = root.join(name);
@@ -78,9 +84,9 @@ pub(super) fn home(root: &Path, card: &Card) -> Result<(u32, u32), BadInput> {
         })
 }
 
-fn has_user(passwd: &str, user: &str) -> bool {
-    passwd
-        .lines()
+/// Whether a file of users or groups has one of this name.
+fn has_user(file: &str, user: &str) -> bool {
+    file.lines()
         .any(|line| line.split(':').next() == Some(user))
 }
 

@@ -2,7 +2,9 @@ use std::net::Ipv4Addr;
 use std::path::PathBuf;
 
 use clap::Args;
-use muster_deploy::image::{Card, RATES_MBPS, country, host_name, prepare, ssid, user_name};
+use muster_deploy::image::{
+    Card, RATES_MBPS, address, country, host_name, prepare, ssid, user_name,
+};
 
 use crate::command::{Failure, Outcome, numbers, terminal};
 
@@ -46,15 +48,6 @@ pub(super) struct Arguments {
     /// Address of a time server in the drones' network
     #[arg(long, value_name = "ADDRESS")]
     time_server: Option<Ipv4Addr>,
-}
-
-fn address(text: &str) -> Result<(Ipv4Addr, u8), String> {
-    let read = || {
-        let (address, prefix) = text.split_once('/')?;
-        let prefix = prefix.parse().ok().filter(|it| (8..=30).contains(it))?;
-        Some((address.parse().ok()?, prefix))
-    };
-    read().ok_or_else(|| "an address and a prefix of 8 to 30 bits, such as 10.0.0.10/24".to_owned())
 }
 
 fn rate(text: &str) -> Result<u8, String> {
