@@ -142,6 +142,12 @@ fn no_grant_is_signed_for_a_controller_without_a_pilot_or_a_drone_outside_the_fl
     assert!(output.contains("needs a pilot's receiver"), "{output}");
     assert!(!fleet.path("ours/drone-0.grant").exists());
 
+    let mut endless = Command::new(env!("CARGO_BIN_EXE_muster"));
+    endless.args(["deploy", "promote"]).arg(fleet.path("ours"));
+    endless.args(["0", "--to", "bench", "--until", "2999-12-24T18:00:00Z"]);
+    endless.args(["--controller", &receivers[0].address]);
+    assert_refused(&mut endless, "lasts for more than 366 days");
+
     let (_other, receivers) = controlled(&[], |_| Settings::fit_overriding());
     let mut skipping = sign(&fleet, 0, "flight", &receivers[0]);
     let expected = "needs a grant for \"tethered\"";

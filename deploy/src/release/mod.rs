@@ -145,6 +145,10 @@ fn programs(folder: &Path) -> Result<BTreeMap<String, Vec<u8>>, BadInput> {
                 let help = "each processor's folder has the programs muster and musterd";
                 BadInput::without_excerpt(&path, error, help)
             })?;
+            if content.is_empty() {
+                let help = "build it with deploy/cross, or copy it again";
+                return Err(BadInput::without_excerpt(&path, "is empty", help));
+            }
             programs.insert(format!("{processor}/{name}"), content);
         }
     }

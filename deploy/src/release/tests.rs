@@ -62,6 +62,16 @@ fn release_has_programs_units_and_versions() {
 }
 
 #[test]
+fn an_empty_program_is_not_signed() {
+    let folder = bench();
+    let program = folder.path().join("programs/aarch64/musterd");
+    fs::write(&program, "").unwrap();
+    let refused = pack(&folder, "out").unwrap_err().to_string();
+    assert!(refused.contains("is empty"), "{refused}");
+    assert!(!folder.path().join("out").exists());
+}
+
+#[test]
 fn debian_package_and_slots_share_no_path() {
     let unit = units::of_package();
     assert!(

@@ -15,6 +15,8 @@ use muster_runtime::identity::{
 use crate::command::{Failure, Outcome, fc, keys, numbers, terminal};
 
 const DAY: Duration = Duration::from_secs(86_400);
+/// The longest time that a grant is signed for.
+const DAYS_MAX: u32 = 366;
 
 /// Sign a grant: a drone may do more, for what was shown of it, with the flight controller on a device.
 ///
@@ -82,11 +84,11 @@ impl Files {
 #[derive(Debug, Args)]
 #[group(required = true, multiple = false)]
 struct End {
-    /// When it ends, as 2026-12-24T18:00:00Z.
+    /// When it ends, within 366 days, as 2026-12-24T18:00:00Z.
     #[arg(long, value_name = "TIME", value_parser = time)]
     until: Option<CalendarTime>,
     /// Days until it ends.
-    #[arg(long, value_name = "N", value_parser = numbers::whole::<u32>(1..=366), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", value_parser = numbers::whole::<u32>(1..=DAYS_MAX.into()), allow_negative_numbers = true)]
     days: Option<u32>,
 }
 
@@ -119,6 +121,12 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     if until <= issued {
         let message = format!("a grant until {until} has ended: it is {issued}");
         return Err(BadInput::without_excerpt(folder, message, "choose a later end").into());
+    }
+    let latest = issued.after(DAYS_MAX * DAY);
+    if until > latest {
+        let message = format!("a grant until {until} lasts for more than {DAYS_MAX} days");
+        let help = format!("choose an end up to {latest}");
+        return Err(BadInput::without_excerpt(folder, message, help).into());
     }
     let (configuration, uid) = fc::read_for_grant(address)?;
     let findings = check(&configuration, ReceiverMode::Override);
