@@ -7,6 +7,8 @@ use std::time::Duration;
 
 use muster_controller::Settings;
 use muster_daemon::control::{GRANT_ALLOWS, STARTS};
+use muster_experiments::chaos::{Request, Search};
+use muster_scenarios::scenario::Override;
 use serde_json::{Value, json};
 
 use super::controllers::controlled;
@@ -45,6 +47,19 @@ fn sign(fleet: &Fleet, id: u32, stage: &str, receiver: &Receiver) -> Command {
     command
 }
 
+/// What a search of `chaos-controllers` writes, with these fields set in each plan.
+fn searched(set: &[Override]) -> Value {
+    let search = Search::load(&Request {
+        scenario: "chaos-controllers".into(),
+        set: set.to_vec(),
+        seeds: "0..1000".parse().unwrap(),
+        keeps_going: false,
+    });
+    let search = search.unwrap();
+    let (program, content) = search.identity();
+    json!({"program": program, "content": content, "tally": {"plans": 1_000, "broken": []}})
+}
+
 /// Writes a file of evidence, as the commands that make them do.
 fn write_evidence(fleet: &Fleet, id: u32, kind: &str, receiver: &Receiver) -> PathBuf {
     let path = fleet.path(&format!("{kind}-{id}"));
@@ -58,7 +73,7 @@ fn write_evidence(fleet: &Fleet, id: u32, kind: &str, receiver: &Receiver) -> Pa
         json!({"message": "seen", "drone": id, "at_ns": 1, "seen": seen}).to_string()
     };
     let text = match kind {
-        "chaos" => json!({"tally": {"plans": 1_000, "broken": []}}).to_string(),
+        "chaos" => searched(&[]).to_string(),
         "simulated" => flown(None),
         "betaflight" => flown(Some("betaflight_SITL")),
         "bench" => {
@@ -158,6 +173,16 @@ fn no_grant_is_signed_for_a_controller_without_a_pilot_or_a_drone_outside_the_fl
         stranger.arg(format!("--{kind}")).arg(path);
     }
     assert_refused(&mut stranger, "drone 9 is not in the roster");
+}
+
+#[test]
+fn a_search_with_changed_values_earns_no_stage() {
+    let (fleet, receivers) = controlled(&[], |_| Settings::fit_overriding());
+    let without_loss = "radio.loss=0".parse::<Override>().unwrap();
+    std::fs::write(fleet.path("chaos"), searched(&[without_loss]).to_string()).unwrap();
+    let mut easier = sign(&fleet, 0, "bench", &receivers[0]);
+    easier.arg("--chaos").arg(fleet.path("chaos"));
+    assert_refused(&mut easier, "another scenario than `chaos-controllers`");
 }
 
 #[test]

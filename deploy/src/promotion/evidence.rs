@@ -7,6 +7,8 @@ use muster_runtime::identity::{ControllerFacts, EvidenceKind, GrantedStage, hex}
 use serde::Deserialize;
 use thiserror::Error;
 
+use super::{PromotionRequest, SearchFacts};
+
 /// The fewest plans of a search.
 pub const CHAOS_PLANS_MIN: u64 = 1_000;
 
@@ -16,6 +18,17 @@ pub(super) enum Weakness {
     /// It is another file.
     #[error("this is no such file: {0}")]
     Unread(String),
+    /// Another version ran it.
+    #[error("the search was run by {found}; accepted: {accepted}")]
+    OtherProgram {
+        /// The version that ran it.
+        found: String,
+        /// This version.
+        accepted: String,
+    },
+    /// It is of another scenario.
+    #[error("the search is of another scenario than `chaos-controllers`, or of changed values")]
+    OtherScenario,
     /// Too few plans.
     #[error("the search has run {0} plans; at least {CHAOS_PLANS_MIN} are needed")]
     FewPlans(u64),
@@ -70,13 +83,14 @@ pub(super) enum Weakness {
 
 #[derive(Deserialize)]
 struct Search {
+    program: String,
+    content: String,
     tally: Tally,
 }
 
 #[derive(Deserialize)]
 struct Tally {
     plans: u64,
-    #[serde(default)]
     broken: Vec<BrokenPlan>,
 }
 
@@ -137,11 +151,11 @@ struct LogLine {
 pub(super) fn check(
     kind: EvidenceKind,
     text: &str,
-    drone: u32,
-    controller: &ControllerFacts,
+    request: &PromotionRequest,
 ) -> Result<(), Weakness> {
+    let (drone, controller) = (request.drone.0, &request.controller);
     match kind {
-        EvidenceKind::Chaos => search(&parse(text)?),
+        EvidenceKind::Chaos => search(&parse(text)?, &request.search),
         EvidenceKind::Simulated => flight(&parse(text)?, false),
         EvidenceKind::Betaflight => flight(&parse(text)?, true),
         EvidenceKind::Bench => bench(&parse(text)?, controller),
@@ -153,7 +167,17 @@ fn parse<'a, T: Deserialize<'a>>(text: &'a str) -> Result<T, Weakness> {
     serde_json::from_str(text).map_err(|error| Weakness::Unread(error.to_string()))
 }
 
-fn search(Search { tally }: &Search) -> Result<(), Weakness> {
+fn search(search: &Search, expected: &SearchFacts) -> Result<(), Weakness> {
+    if search.program != expected.program {
+        return Err(Weakness::OtherProgram {
+            found: search.program.clone(),
+            accepted: expected.program.clone(),
+        });
+    }
+    if search.content != expected.content {
+        return Err(Weakness::OtherScenario);
+    }
+    let tally = &search.tally;
     if let Some(BrokenPlan { seed, what }) = tally.broken.first() {
         return Err(Weakness::RuleBroken(format!("seed {seed}: {what}")));
     }

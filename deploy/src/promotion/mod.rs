@@ -13,6 +13,15 @@ use muster_runtime::identity::{
 
 pub use self::evidence::CHAOS_PLANS_MIN;
 
+/// The search that counts as evidence, as its file `chaos.json` names it: this version's, of the scenario `chaos-controllers`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct SearchFacts {
+    /// The program and its version.
+    pub program: String,
+    /// Hash of the parsed scenario.
+    pub content: String,
+}
+
 /// A promotion that is asked for.
 #[derive(Debug)]
 pub struct PromotionRequest {
@@ -22,6 +31,8 @@ pub struct PromotionRequest {
     pub stage: GrantedStage,
     /// Its flight controller, which was just found fit.
     pub controller: ControllerFacts,
+    /// What a search must be of.
+    pub search: SearchFacts,
     /// Now.
     pub issued: CalendarTime,
     /// When the grant ends.
@@ -48,7 +59,7 @@ pub fn promote(fleet: &Fleet, request: &PromotionRequest) -> Result<(Grant, Path
     }
     for (kind, path) in &request.files {
         let text = read_text(path)?;
-        let checked = evidence::check(*kind, &text, drone.0, &request.controller);
+        let checked = evidence::check(*kind, &text, request);
         checked.map_err(|weakness| {
             let message = format!("this is no evidence of `{kind}`: {weakness}");
             BadInput::without_excerpt(path, message, source(*kind))
@@ -101,7 +112,8 @@ const fn before(stage: GrantedStage) -> Option<GrantedStage> {
 const fn source(kind: EvidenceKind) -> &'static str {
     match kind {
         EvidenceKind::Chaos => {
-            "the file chaos.json of `muster chaos chaos-controllers --seeds 0..1000`, in which no plan broke a rule"
+            "the file chaos.json of `muster chaos chaos-controllers --seeds 0..1000`, by this version, in which no plan broke a \
+             rule"
         }
         EvidenceKind::Simulated => {
             "the file report.json of a completed flight with `vehicle.kind` = \"msp\", by `muster sim` or `muster swarm`"

@@ -10,9 +10,11 @@ use muster_runtime::identity::{FleetKey, GrantRefusal, hex};
 use serde_json::{Value, json};
 use tempfile::TempDir;
 
-use super::evidence::{Weakness, check};
+use super::evidence::Weakness;
 use super::*;
 use crate::release::{PROCESSORS, PackageRequest, Release, package};
+
+mod tether;
 
 const STAGES: [GrantedStage; 3] = [
     GrantedStage::Bench,
@@ -25,8 +27,36 @@ fn controller(chip: u32) -> ControllerFacts {
     ControllerFacts::new(&Configuration::default(), &uid)
 }
 
+fn expected_search() -> SearchFacts {
+    SearchFacts {
+        program: "muster 0.1.0".to_owned(),
+        content: "5eed".to_owned(),
+    }
+}
+
 fn chaos(plans: u64, broken: &Value) -> Value {
-    json!({"program": "muster", "content": "", "first": 0, "tally": {"plans": plans, "broken": broken}})
+    let SearchFacts { program, content } = expected_search();
+    json!({"program": program, "content": content, "first": 0, "tally": {"plans": plans, "broken": broken}})
+}
+
+/// Checks a file for a drone with a flight controller.
+fn check(
+    kind: EvidenceKind,
+    text: &str,
+    drone: u32,
+    controller: &ControllerFacts,
+) -> Result<(), Weakness> {
+    let issued = CalendarTime::read("2026-11-26T12:00:00Z").unwrap();
+    let request = PromotionRequest {
+        drone: NodeId(drone),
+        stage: kind.stage(),
+        controller: controller.clone(),
+        search: expected_search(),
+        issued,
+        until: issued.after(Duration::from_secs(86_400)),
+        files: BTreeMap::new(),
+    };
+    evidence::check(kind, text, &request)
 }
 
 fn flight(firmware: Option<&str>) -> Value {
@@ -124,6 +154,7 @@ impl Desk {
             drone: NodeId(1),
             stage,
             controller: controller(7),
+            search: expected_search(),
             issued,
             until: issued.after(Duration::from_secs(86_400)),
             files: kinds.iter().map(|it| (*it, self.path(it.name()))).collect(),
@@ -234,6 +265,30 @@ fn what_shows_less_than_it_should_is_no_evidence() {
         Some(Weakness::FewPlans(999))
     );
 
+    let searched = |name: &str, value: Option<Value>| {
+        let mut search = chaos(1_000, &json!([]));
+        match value {
+            Some(value) => search[name] = value,
+            None => drop(search.as_object_mut().unwrap().remove(name)),
+        }
+        judged(EvidenceKind::Chaos, &search.to_string())
+    };
+    let other = searched("content", Some(json!("of another scenario")));
+    assert_eq!(other, Some(Weakness::OtherScenario));
+    let older = searched("program", Some(json!("muster 0.0.1"))).unwrap();
+    assert!(
+        older.to_string().contains("accepted: muster 0.1.0"),
+        "{older}"
+    );
+    for (name, value) in [
+        ("program", None),
+        ("content", None),
+        ("tally", Some(json!({"plans": 1_000}))),
+    ] {
+        let weakness = searched(name, value);
+        assert!(matches!(weakness, Some(Weakness::Unread(_))), "{name}");
+    }
+
     let with = |name: &str, value: Value| {
         let mut report = flight(None);
         report[name] = value;
@@ -271,116 +326,6 @@ fn what_shows_less_than_it_should_is_no_evidence() {
         swapped(EvidenceKind::Bench, bench(8)),
         Some(Weakness::OtherController { .. })
     ));
-}
-
-#[test]
-fn a_record_of_a_tether_shows_a_whole_flight_of_this_drone_in_that_stage() {
-    let judged = |text: &str| check(EvidenceKind::Tether, text, 1, &controller(7)).err();
-    let whole = tether("tethered", LandingReason::MissionOver);
-    assert_eq!(judged(&whole), None);
-    assert_eq!(
-        judged(&tether("flight", LandingReason::MissionOver)),
-        Some(Weakness::NoFlight)
-    );
-    let lost = tether("tethered", LandingReason::PositionLost);
-    assert_eq!(
-        judged(&lost),
-        Some(Weakness::Aborted(LandingReason::PositionLost))
-    );
-    // The newest flight counts.
-    assert_eq!(judged(&format!("{lost}{whole}")), None);
-    assert!(judged(&format!("{whole}{lost}")).is_some());
-    let without = |text: &str, state: &str| -> String {
-        let lines = text.lines().filter(|line| !line.contains(state));
-        lines.map(|line| format!("{line}\n")).collect()
-    };
-    let unfinished = without(&whole, "Finished");
-    assert_eq!(judged(&unfinished), Some(Weakness::NoFlight));
-    // The pilot has not armed, and the operator recalls the drone, or the mission ends without it.
-    let never_up = without(&whole, "NeighbourDiscovery");
-    assert_eq!(judged(&never_up), Some(Weakness::NoFlight));
-    let recalled = tether("tethered", LandingReason::Recalled);
-    assert_eq!(judged(&recalled), None);
-    let never_up = without(&recalled, "NeighbourDiscovery");
-    assert_eq!(
-        judged(&never_up),
-        Some(Weakness::Aborted(LandingReason::Recalled))
-    );
-    let other = whole.replace("\"drone\":1", "\"drone\":2");
-    assert_eq!(judged(&other), Some(Weakness::OtherDrone(2)));
-}
-
-#[test]
-fn a_log_counts_only_for_the_flight_controller_that_it_names() {
-    let of =
-        |found: &ControllerFacts, text: &str| check(EvidenceKind::Tether, text, 1, found).err();
-    let whole = tether("tethered", LandingReason::MissionOver);
-    let (mut newer, mut changed) = (controller(7), controller(7));
-    newer.firmware = "BTFL 2027.1.0".to_owned();
-    changed.settings[0] ^= 1;
-    for (what, other) in [
-        ("chip", controller(8)),
-        ("firmware", newer),
-        ("settings", changed),
-    ] {
-        let weakness = of(&other, &whole).unwrap().to_string();
-        assert!(
-            weakness.contains(&format!("with the {what} ")),
-            "{weakness}"
-        );
-        // A flight with it after that counts.
-        assert_eq!(of(&controller(7), &whole), None);
-    }
-    let of_another = whole.replace(&controller(7).chip, &controller(8).chip);
-    assert_eq!(of(&controller(7), &format!("{of_another}{whole}")), None);
-    assert!(of(&controller(7), &format!("{whole}{of_another}")).is_some());
-    let unnamed = whole.replace("\"settings\"", "\"other\"");
-    assert_eq!(of(&controller(7), &unnamed), Some(Weakness::NoController));
-}
-
-#[test]
-fn an_old_log_of_a_replaced_controller_earns_no_flight() {
-    let desk = Desk::new();
-    for stage in STAGES {
-        desk.promote(stage);
-    }
-    fs::write(desk.path("bench"), bench(8).to_string()).unwrap();
-    let mut request = desk.request(GrantedStage::Tethered, &[EvidenceKind::Bench]);
-    request.controller = controller(8);
-    promote(&desk.fleet, &request).unwrap();
-    let mut request = desk.request(GrantedStage::Flight, &[EvidenceKind::Tether]);
-    request.controller = controller(8);
-    let refusal = desk.refusal(&request);
-    assert!(refusal.contains("the one here has"), "{refusal}");
-}
-
-#[test]
-fn a_simulated_flight_after_a_tethered_start_is_no_tethered_flight() {
-    let judged = |text: &str| check(EvidenceKind::Tether, text, 1, &controller(7)).err();
-    let over = LandingReason::MissionOver;
-    // A process without a grant logs no stage.
-    let simulated = granted("tethered") + &starts() + &flown(over);
-    assert_eq!(judged(&simulated), Some(Weakness::NoFlight));
-    // A restart in flight: the drone may have been dropped meanwhile.
-    let order = seen(Event::State(State::TakingOff));
-    let interrupted = granted("tethered") + &order + &granted("tethered") + &completed(over);
-    assert_eq!(judged(&interrupted), Some(Weakness::NoFlight));
-}
-
-#[test]
-fn a_stage_that_falls_to_bench_after_the_order_is_no_tethered_flight() {
-    let judged = |text: &str| check(EvidenceKind::Tether, text, 1, &controller(7)).err();
-    let fallen = json!({"level": "WARN", "message": format!("{STAGE_FALLS}: the grant ended")});
-    let order = seen(Event::State(State::TakingOff));
-    let over = completed(LandingReason::MissionOver);
-    let before_it_is_up = granted("tethered") + &order + &format!("{fallen}\n") + &over;
-    assert_eq!(judged(&before_it_is_up), Some(Weakness::NoFlight));
-    let up = seen(Event::State(State::NeighbourDiscovery));
-    let landed = seen(Event::State(State::Finished));
-    let in_flight = granted("tethered") + &order + &up + &format!("{fallen}\n") + &landed;
-    assert_eq!(judged(&in_flight), Some(Weakness::NoFlight));
-    let after_it = tether("tethered", LandingReason::MissionOver) + &format!("{fallen}\n");
-    assert_eq!(judged(&after_it), None);
 }
 
 /// A byte of `content`, changed.

@@ -3,7 +3,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use muster_deploy::promotion::{PromotionRequest, promote};
+use muster_deploy::promotion::{CHAOS_PLANS_MIN, PromotionRequest, SearchFacts, promote};
+use muster_experiments::chaos::{Request, Search};
 use muster_machines::identity::NodeId;
 use muster_msp::check::{ReceiverMode, check};
 use muster_port::Address;
@@ -48,7 +49,7 @@ pub(super) struct Arguments {
 /// What was shown. `bench` needs the first three, `tethered` also the check, `flight` also the log.
 #[derive(Debug, Args)]
 struct Files {
-    /// Search of 1,000 plans or more in which no rule was broken: chaos.json of `muster chaos`
+    /// Search of 1,000 plans or more in which no rule was broken: chaos.json of `muster chaos chaos-controllers`, by this version
     #[arg(long, value_name = "FILE")]
     chaos: Option<PathBuf>,
     /// Flight with simulated flight controllers: report.json of `muster sim` or `muster swarm`
@@ -145,6 +146,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
             Stage::Flight => GrantedStage::Flight,
         },
         controller: ControllerFacts::new(&configuration, &uid),
+        search: search()?,
         issued,
         until,
         files: arguments.files.by_kind(),
@@ -152,6 +154,22 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (grant, path) = promote(&fleet, &request)?;
     terminal::print(&in_lines(&grant, &path.display().to_string()))?;
     Ok(Outcome::Success)
+}
+
+/// The search that counts, as this version runs it.
+fn search() -> Result<SearchFacts, BadInput> {
+    let seeds = format!("0..{CHAOS_PLANS_MIN}").parse();
+    let search = Search::load(&Request {
+        scenario: PathBuf::from("chaos-controllers"),
+        set: Vec::new(),
+        seeds: seeds.expect("a range of seeds"),
+        keeps_going: false,
+    })?;
+    let (program, content) = search.identity();
+    Ok(SearchFacts {
+        program: program.to_owned(),
+        content: content.to_owned(),
+    })
 }
 
 fn in_lines(grant: &Grant, path: &str) -> String {

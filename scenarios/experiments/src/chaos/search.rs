@@ -11,7 +11,7 @@ use rand::seq::IndexedRandom;
 use rand_chacha::ChaCha8Rng;
 
 use super::grammar;
-use crate::campaign::Seeds;
+use crate::campaign::{PROGRAM, Seeds};
 
 /// Arguments of a search.
 #[derive(Debug, Clone)]
@@ -112,6 +112,12 @@ impl Search {
         }
         search.content = content.finalize().to_hex().to_string();
         Ok(search)
+    }
+
+    /// The program with its version, and the hash of the parsed scenario, as [`CHAOS_JSON`](super::CHAOS_JSON) has them.
+    #[must_use]
+    pub fn identity(&self) -> (&'static str, &str) {
+        (PROGRAM, &self.content)
     }
 
     /// Seeds of the plans.

@@ -113,9 +113,10 @@ struct State {
 
 impl State {
     fn new(search: &Search, tally: &Tally) -> Self {
+        let (program, content) = search.identity();
         Self {
-            program: crate::campaign::PROGRAM.to_owned(),
-            content: search.content.clone(),
+            program: program.to_owned(),
+            content: content.to_owned(),
             first: search.seeds().at(0),
             tally: tally.clone(),
         }
