@@ -102,6 +102,12 @@ impl Identity {
         self.is_betaflight() && self.version.release() >= (26, 6)
     }
 
+    /// Whether the firmware has the setting `angle_feedforward`: Betaflight 4.5 and newer.
+    #[must_use]
+    pub fn has_angle_feedforward(&self) -> bool {
+        self.is_betaflight() && self.version.release() >= (4, 5)
+    }
+
     /// Whether the firmware is Betaflight.
     #[must_use]
     pub fn is_betaflight(&self) -> bool {
@@ -227,7 +233,7 @@ fn append<M: Encode>(message: &M, out: &mut Vec<u8>) {
 pub struct CommandLineSettings {
     /// Those of the mode MSP OVERRIDE. `None`: the firmware has no override.
     pub over_ride: Option<OverrideSettings>,
-    /// `angle_feedforward`, in percent. `None`: the firmware has none, as before 4.5.
+    /// `angle_feedforward`, in percent. `None`: the firmware has none, as before 4.5, or it could not be read.
     pub angle_feedforward: Option<u8>,
 }
 
@@ -245,9 +251,13 @@ impl CommandLineSettings {
         let [mask, failsafe, feedforward] = Self::NAMES.map(|name| value(answers, name));
         let mask = mask.and_then(|it| it.parse().ok());
         Self {
-            over_ride: mask.zip(failsafe).map(|(mask, failsafe)| OverrideSettings {
+            over_ride: mask.map(|mask| OverrideSettings {
                 mask,
-                failsafe: failsafe == "ON",
+                failsafe: failsafe.and_then(|it| match it {
+                    "ON" => Some(true),
+                    "OFF" => Some(false),
+                    _ => None,
+                }),
             }),
             angle_feedforward: feedforward.and_then(|it| it.parse().ok()),
         }
@@ -259,8 +269,9 @@ impl CommandLineSettings {
 pub struct OverrideSettings {
     /// `msp_override_channels_mask`: which of the receiver's channels MSP replaces; bit 0 is the first.
     pub mask: u32,
-    /// `msp_override_failsafe`: whether MSP alone counts as a receiver, so that a lost pilot's receiver goes unnoticed.
-    pub failsafe: bool,
+    /// `msp_override_failsafe`: whether MSP alone counts as a receiver, so that a lost pilot's receiver goes unnoticed. `None`: it
+    /// could not be read.
+    pub failsafe: Option<bool>,
 }
 
 fn value<'a>(answers: &'a str, name: &str) -> Option<&'a str> {

@@ -21,6 +21,7 @@ const THROTTLE: usize = 3;
 pub(super) fn check(configuration: &Configuration, findings: &mut Findings) {
     check_procedure(configuration, findings);
     check_delay(configuration, findings);
+    check_channels(configuration, findings);
     check_sticks(configuration, findings);
     check_arm(configuration, findings);
 }
@@ -82,6 +83,24 @@ fn check_delay(configuration: &Configuration, findings: &mut Findings) {
             "0.2 to 1.0 s from lost RC to the procedure are allowed",
             format!("{:.1} s", f64::from(delay_ds) / 10.0),
             "set failsafe_delay = 10",
+        );
+    }
+}
+
+/// What the four sticks and the arm switch do is known.
+fn check_channels(configuration: &Configuration, findings: &mut Findings) {
+    let switches = configuration.ranges.of(Mode::Arm);
+    let channels = switches.map(|range| channel_of_aux(range.aux) + 1);
+    let needed = channels.fold(THROTTLE + 1, usize::max);
+    let found = configuration.lost.channels.len();
+    if found < needed {
+        findings.add(
+            "rxfail-channels",
+            "what sticks and arm switch do when RC is lost is not known",
+            format!("rxfail of {found} channels"),
+            format!(
+                "flash Betaflight 4.5.2 or newer, which tells of 18 channels: {needed} are needed"
+            ),
         );
     }
 }

@@ -100,7 +100,7 @@ fn check_battery(configuration: &Configuration, findings: &mut Findings) {
             "set vbat_max_cell_voltage = 430",
         );
     }
-    if warning_cv < min_cv + 10 || warning_cv + 20 > max_cv {
+    if warning_cv < min_cv.saturating_add(10) || warning_cv.saturating_add(20) > max_cv {
         findings.add(
             "battery-warning",
             "the warning must leave charge to land: 0.10 V above empty, 0.20 V below full",

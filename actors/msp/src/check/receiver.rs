@@ -161,14 +161,17 @@ fn check_override_settings(settings: OverrideSettings, findings: &mut Findings) 
         let found = format!("msp_override_channels_mask = {mask}");
         add_mask(danger, found, findings);
     }
-    if failsafe {
-        findings.add(
-            "override-failsafe",
-            "the loss of the pilot's receiver is not detected",
-            "msp_override_failsafe = ON",
-            "set msp_override_failsafe = OFF",
-        );
-    }
+    let found = match failsafe {
+        Some(false) => return,
+        Some(true) => "msp_override_failsafe = ON",
+        None => "msp_override_failsafe is neither ON nor OFF",
+    };
+    findings.add(
+        "override-failsafe",
+        "the loss of the pilot's receiver is not detected",
+        found,
+        "set msp_override_failsafe = OFF",
+    );
 }
 
 fn add_mask(danger: &'static str, found: impl Display, findings: &mut Findings) {

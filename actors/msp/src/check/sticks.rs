@@ -31,21 +31,30 @@ pub(super) fn check(configuration: &Configuration, findings: &mut Findings) {
             format!("set angle_limit = {angle_limit_deg}"),
         );
     }
-    let feedforward = configuration
-        .command_line
-        .and_then(|it| it.angle_feedforward);
-    if let Some(percent @ 1..) = feedforward {
-        findings.add(
-            "angle-feedforward",
-            "RC frames that come at once tilt the aircraft: one in a hover by 44°",
-            format!("angle_feedforward = {percent}"),
-            "set angle_feedforward = 0",
-        );
-    }
+    check_feedforward(configuration, findings);
     differing_throttle(&configuration.rates).report(
         "throttle-curve",
         "motors don't get the throttle that is sent",
         findings,
+    );
+}
+
+/// Only the command line tells it. If that was not asked, another rule says so where it matters.
+fn check_feedforward(configuration: &Configuration, findings: &mut Findings) {
+    let Some(command_line) = configuration.command_line else {
+        return;
+    };
+    let found = match command_line.angle_feedforward {
+        Some(0) => return,
+        Some(percent) => format!("angle_feedforward = {percent}"),
+        None if !configuration.identity.has_angle_feedforward() => return,
+        None => "angle_feedforward is no number from 0 to 255".to_owned(),
+    };
+    findings.add(
+        "angle-feedforward",
+        "RC frames that come at once tilt the aircraft: one in a hover by 44°",
+        found,
+        "set angle_feedforward = 0",
     );
 }
 

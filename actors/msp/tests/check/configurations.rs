@@ -141,7 +141,7 @@ pub(crate) fn overridden() -> Configuration {
     configuration.command_line = Some(CommandLineSettings {
         over_ride: Some(OverrideSettings {
             mask: 15,
-            failsafe: false,
+            failsafe: Some(false),
         }),
         angle_feedforward: Some(0),
     });

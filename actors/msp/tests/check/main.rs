@@ -26,7 +26,7 @@ fn a_safe_configuration_breaks_no_rule() {
 /// A change of a configuration.
 type Change = fn(&mut Configuration);
 
-const SOLE: [(&str, Change); 27] = [
+const SOLE: [(&str, Change); 29] = [
     ("firmware", |it| {
         it.identity.variant.variant = Letters(*b"INAV");
     }),
@@ -86,6 +86,12 @@ const SOLE: [(&str, Change); 27] = [
     }),
     ("rxfail-arm", |it| {
         it.lost.channels[4] = lost(RxFailMode::Set, 1800);
+    }),
+    ("rxfail-channels", |it| {
+        it.lost.channels.clear();
+    }),
+    ("rxfail-channels", |it| {
+        it.lost.channels.truncate(4);
     }),
     ("arm-mode", |it| {
         it.ranges.ranges.remove(0);
@@ -203,7 +209,7 @@ const OF_ANY_MODE: [(&str, Change); 11] = [
     }),
 ];
 
-const OVERRIDDEN: [(&str, Change); 20] = [
+const OVERRIDDEN: [(&str, Change); 22] = [
     ("receiver", |it| {
         it.features.features |= FeatureConfig::RX_MSP;
     }),
@@ -238,7 +244,13 @@ const OVERRIDDEN: [(&str, Change); 20] = [
         it.ranges.ranges[1] = range(Mode::Angle, 1, 1300, 2100);
     }),
     ("override-failsafe", |it| {
-        settings(it).failsafe = true;
+        settings(it).failsafe = Some(true);
+    }),
+    ("override-failsafe", |it| {
+        settings(it).failsafe = None;
+    }),
+    ("angle-feedforward", |it| {
+        command_line(it).angle_feedforward = None;
     }),
     ("override-mode", |it| {
         it.ranges.ranges.pop();
@@ -319,6 +331,22 @@ fn each_unsafe_setting_is_found_alone() {
     }
 }
 
+#[test]
+fn voltages_of_any_size_are_judged() {
+    let mut configuration = overridden();
+    *cell(&mut configuration) = CellLimits {
+        min_cv: u16::MAX,
+        max_cv: u16::MAX,
+        warning_cv: u16::MAX,
+    };
+    let findings = check(&configuration, ReceiverMode::Override);
+    let expected = ["battery-min", "battery-max"];
+    assert_eq!(rules(&findings), expected);
+    cell(&mut configuration).max_cv = 430;
+    let findings = check(&configuration, ReceiverMode::Override);
+    assert_eq!(rules(&findings), ["battery-min", "battery-warning"]);
+}
+
 /// Yaw is left centred, a straight throttle may have its middle anywhere, and older firmware has no `thr_hover`.
 #[test]
 fn rates_that_flight_by_sticks_does_not_use_are_free() {
@@ -377,9 +405,21 @@ fn settings_are_found_among_the_command_lines_answers() {
         CommandLineSettings {
             over_ride: Some(OverrideSettings {
                 mask: 47,
-                failsafe: true
+                failsafe: Some(true)
             }),
             angle_feedforward: Some(50),
+        }
+    );
+    let unread =
+        "msp_override_channels_mask = 15\nmsp_override_failsafe = on\nangle_feedforward = 1O0\n";
+    assert_eq!(
+        CommandLineSettings::from_answers(unread),
+        CommandLineSettings {
+            over_ride: Some(OverrideSettings {
+                mask: 15,
+                failsafe: None
+            }),
+            angle_feedforward: None,
         }
     );
     assert_eq!(

@@ -119,6 +119,22 @@ mod tests {
     };
 
     #[test]
+    fn sticks_are_no_tilts_in_a_mode_that_takes_them_for_something_else() {
+        for other in Mode::OTHER_STICKS {
+            let boxes = BoxIds {
+                modes: vec![Mode::Arm, Mode::Angle, other],
+            };
+            let with = |modes| {
+                let mut status = Status::default();
+                status.head.modes = modes;
+                Reported::of(&status, &boxes).levels
+            };
+            assert!(with(0b011), "{other}");
+            assert!(!with(0b111), "{other}");
+        }
+    }
+
+    #[test]
     fn a_change_is_believed_when_it_is_reported_twice_in_a_row() {
         let mut reports = Reports::new(false);
         reports.take(DISARMED);
