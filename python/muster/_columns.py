@@ -16,6 +16,7 @@ FIGURES = {
     "simulated_s": "float64",
     "drones": "int64",
     "landed": "int64",
+    "finished": "int64",
     "flight_time_master_s": "float64",
     "flight_time_mean_s": "float64",
     "flight_time_max_s": "float64",

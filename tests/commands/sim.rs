@@ -326,19 +326,20 @@ fn recording_that_can_not_be_written_is_refused_before_the_run() {
 #[test]
 fn table_tells_of_drones_that_stayed_and_of_faults_that_never_happened() {
     let folder = tempfile::tempdir().unwrap();
-    let printed = |set: &str| {
+    let printed = |set: &str, code: i32| {
         let mut command = muster(folder.path());
         command.args(["sim", "thesis-1", "--set", set]);
-        String::from_utf8(command.assert().success().get_output().stdout.clone()).unwrap()
+        let run = command.assert().code(code);
+        String::from_utf8(run.get_output().stdout.clone()).unwrap()
     };
-    let alone = printed("radio.loss=1");
-    assert!(
-        alone.contains("flown without drones 0, 1, 3, 4, never off the ground"),
-        "{alone}"
-    );
+    let alone = printed("radio.loss=1", 4);
+    let stayed = "not completed by all: flown without drones 0, 1, 3, 4, never off the ground";
+    assert!(alone.contains(stayed), "{alone}");
+    let killed = printed(r#"faults=[{ at_s = 0, kind = "kill", drone = 1 }]"#, 0);
+    assert!(!killed.contains("never off the ground"), "{killed}");
     let faults = r#"faults=[{ at_s = 1, kind = "crash-actor", drone = 1, actor = "radio" },
         { at_s = 500000, kind = "kill", drone = 1 }]"#;
-    let late = printed(faults);
+    let late = printed(faults, 0);
     assert!(
         late.contains("never injected, by number in the file: 2\n"),
         "{late}"

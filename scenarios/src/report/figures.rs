@@ -3,6 +3,7 @@
 use std::cmp::Reverse;
 use std::path::Path;
 
+use muster_machines::mission::State;
 use muster_runtime::agents::Agents;
 use muster_runtime::text::figure;
 
@@ -16,6 +17,20 @@ impl DroneReport {
             [self.messages_sent, self.messages_received],
             self.messages_at_least,
         )
+    }
+
+    /// Whether it flew the mission to its end.
+    #[must_use]
+    pub fn has_finished(&self) -> bool {
+        self.state == State::Finished.to_string() && self.landed_because.is_none()
+    }
+
+    /// Whether it is on the ground as at the start, neither flown nor lost.
+    #[must_use]
+    pub fn stayed(&self) -> bool {
+        [State::Start, State::SetUp]
+            .iter()
+            .any(|it| it.to_string() == self.state)
     }
 }
 

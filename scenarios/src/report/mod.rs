@@ -98,7 +98,8 @@ pub struct Report {
     pub medium: Option<MediumCounters>,
     /// Closest approach of two flying drones, straight-line; `None` for fewer than two drones.
     pub min_separation_m: Option<f64>,
-    /// Whether the remaining swarm reached the last waypoint and left it to land. `false` if the flight was interrupted.
+    /// Whether the remaining swarm reached the last waypoint and left it to land. `false` if the flight was interrupted, and if a
+    /// drone that was not lost stayed on the ground.
     pub mission_completed: bool,
     /// Whether a signal ended the flight before the drones had landed. Omitted if false.
     #[serde(skip_serializing_if = "std::ops::Not::not")]
@@ -243,6 +244,8 @@ pub struct DroneReport {
     pub following: Option<FormationError>,
     /// Mission state at the end.
     pub state: String,
+    /// Whether it took off and landed. `false` if its aircraft fell.
+    pub landed: bool,
     /// Number of waypoints reached, including waypoint 0 at the end of the take-off.
     pub waypoints: usize,
     /// Reason for an early landing; `None` if it landed at the mission's end.

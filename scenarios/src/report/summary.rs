@@ -190,6 +190,7 @@ fn drone(id: NodeId, recorder: &Recorder, holds: &Holds) -> DroneReport {
         waypoint_delay_max_s: waits.iter().max().map(Duration::as_secs_f64),
         following: None,
         state: state(record),
+        landed: record.has_landed(),
         waypoints: record.waypoints(),
         landed_because: record.reason.and_then(unplanned).map(str::to_owned),
         restarts: record.restarts,
@@ -387,8 +388,12 @@ fn changes(scenario: &Scenario, recorder: &Recorder) -> Vec<FormationChange> {
     .collect()
 }
 
-/// Whether the remaining swarm left the last waypoint to land; if it followed, whether it assembled around the master.
+/// Whether the remaining swarm left the last waypoint to land; if it followed, whether it assembled around the master. No drone
+/// may have stayed on the ground but those that were lost there.
 pub(crate) fn is_completed(scenario: &Scenario, recorder: &Recorder) -> bool {
+    if recorder.drones().any(|(_, record)| record.stayed_behind()) {
+        return false;
+    }
     if scenario.plan.agent.is_some() {
         let mut on_task = (recorder.drones())
             .map(|(_, record)| record)

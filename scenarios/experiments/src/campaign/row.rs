@@ -30,8 +30,10 @@ pub struct Row {
     pub simulated_s: f64,
     /// Number of drones of the scenario's own swarm. The fields below refer to this swarm unless they say otherwise.
     pub drones: u64,
-    /// Number of drones that flew and landed.
+    /// Number of drones that took off and landed; one that fell did not land.
     pub landed: u64,
+    /// Number of drones that flew the mission to its end.
+    pub finished: u64,
     /// Flight time of the master, in seconds; `None` if it did not land.
     pub flight_time_master_s: Option<f64>,
     /// Mean flight time of the drones that have one.
@@ -88,6 +90,7 @@ const COLUMNS: (&[&str], &[&str]) = (
         "simulated_s",
         "drones",
         "landed",
+        "finished",
         "flight_time_master_s",
         "flight_time_mean_s",
         "flight_time_max_s",
@@ -134,6 +137,9 @@ impl Row {
     pub fn of(report: &Report) -> Self {
         let flight_times = || report.drones.iter().filter_map(|drone| drone.flight_time_s);
         let master = report.master().and_then(|drone| drone.flight_time_s);
+        let number = |which: &dyn Fn(&DroneReport) -> bool| {
+            report.drones.iter().filter(|it| which(it)).count() as u64
+        };
         let mean = |what: fn(&Barrier) -> u64| report.mean_of_barriers(what).map(rounded);
         let first = report.violations.first();
         let elections = || report.swarms().flat_map(|swarm| &swarm.elections);
@@ -147,7 +153,8 @@ impl Row {
             trace: report.trace.clone().expect("a simulation has a trace"),
             simulated_s: rounded(report.simulated_s),
             drones: report.drones.len() as u64,
-            landed: flight_times().count() as u64,
+            landed: number(&|it| it.landed),
+            finished: number(&DroneReport::has_finished),
             flight_time_master_s: master.map(rounded),
             flight_time_mean_s: report.means.flight_time_s.map(rounded),
             flight_time_max_s: flight_times().reduce(f64::max).map(rounded),
@@ -207,6 +214,7 @@ impl Row {
             self.simulated_s.to_string(),
             self.drones.to_string(),
             self.landed.to_string(),
+            self.finished.to_string(),
             or_empty(self.flight_time_master_s),
             or_empty(self.flight_time_mean_s),
             or_empty(self.flight_time_max_s),
@@ -361,6 +369,7 @@ pub(super) mod tests {
         assert_eq!(field("rule"), "3");
         assert_eq!(field("drones"), "6");
         assert_eq!(field("landed"), "5");
+        assert_eq!(field("finished"), "4", "one landed early, one did not land");
         assert_eq!(field("agent_failures"), "1");
     }
 

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use muster_scenarios::report::command;
+use muster_scenarios::report::{command, count};
 
 use super::plan::Campaign;
 use super::row::{Row, or_empty, rounded, to_15_digits};
@@ -27,7 +27,16 @@ pub struct Figure {
 }
 
 /// All figures of a summary, in the order of the columns.
-pub const FIGURES: [Figure; 10] = [
+pub const FIGURES: [Figure; 11] = [
+    Figure {
+        column: "finished",
+        name: "Drones that finished",
+        short: "drones\nfinished",
+        unit: "",
+        about: "Drones that flew the mission to its end. Others stayed on the ground, landed early or were lost.",
+        digits: 0,
+        of: |row| Some(count(row.finished)),
+    },
     Figure {
         column: "flight_time_master_s",
         name: "Flight time of the master",

@@ -5,6 +5,7 @@ mod closest;
 mod figures;
 mod folder;
 pub(crate) mod html;
+mod mission;
 mod recordings;
 #[cfg(test)]
 pub(crate) mod sample;

@@ -108,6 +108,7 @@ pub(crate) fn faulty() -> (Report, Flight) {
     lost.hops = None;
     lost.parent = None;
     lost.state = "moving to waypoint 3".to_owned();
+    lost.landed = false;
     lost.restarts = 1;
     let early = &mut report.drones[0];
     early.landed_because = Some("the master was silent".to_owned());
@@ -298,6 +299,7 @@ fn report_of(id: u32, master: u32, drones: u32, flight: &Flight) -> DroneReport 
         waypoint_delay_s: Some(wait_s(f64::from(drones / 2)) + 0.03 * f64::from(hops)),
         waypoint_delay_max_s: Some(wait_s(f64::from(drones / 2)) + 0.05 * f64::from(hops)),
         state: "finished".to_owned(),
+        landed: true,
         waypoints: 1,
         landed_because: None,
         restarts: 0,

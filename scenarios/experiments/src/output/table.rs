@@ -3,15 +3,14 @@
 use comfy_table::{
     Attribute, Cell, CellAlignment, Color, ColumnConstraint, ContentArrangement, Row, Table, Width,
 };
-use muster_machines::mission::State;
 use muster_runtime::text::{NO_VALUE, drones, figure, figure_or_dash, plural, ranges};
 use muster_scenarios::report::{
     Colour, DroneReport, Election, FirmwareStalls, FormationChange, FormationError, Report, Role,
     TABLE_STYLE, Violation,
 };
 
-use super::agents;
 use super::figures::{final_state, speedup_text};
+use super::{agents, mission};
 
 /// Up to this many elections are listed one by one; more are summarized.
 const LISTED_ELECTIONS_MAX: usize = 10;
@@ -225,76 +224,11 @@ fn swarm_summary(report: &Report) -> Vec<(&'static str, String)> {
         lines.push(("dropped", format!("frames: {}", reasons.join(", "))));
     }
     if !report.never_met.is_empty() {
-        lines.push(("network", describe_never_met(report)));
+        lines.push(("network", mission::never_met(report)));
     }
-    if !report.never_injected.is_empty() {
-        let numbers: Vec<_> = report.never_injected.iter().map(usize::to_string).collect();
-        let never = format!(
-            "never injected, by number in the file: {}",
-            numbers.join(", ")
-        );
-        lines.push(("faults", never));
-    }
-    let stayed: Vec<u32> = report
-        .drones
-        .iter()
-        .filter(|it| stayed(it))
-        .map(|it| it.id)
-        .collect();
-    if !report.mission_completed {
-        lines.push(("mission", incomplete_mission(report)));
-    } else if !stayed.is_empty() {
-        lines.push((
-            "mission",
-            format!("flown without {}, never off the ground", drones(&stayed)),
-        ));
-    }
+    lines.extend(mission::never_injected(report).map(|never| ("faults", never)));
+    lines.extend(mission::note(report).map(|note| ("mission", note)));
     lines
-}
-
-/// Whether a drone is on the ground as at the start, neither flown nor lost.
-fn stayed(drone: &DroneReport) -> bool {
-    [State::Start, State::SetUp]
-        .iter()
-        .any(|it| it.to_string() == drone.state)
-}
-
-/// Most segments that are listed.
-const LISTED_SEGMENTS_MAX: usize = 5;
-
-/// The segments that flew the mission without ever hearing each other.
-fn describe_never_met(report: &Report) -> String {
-    let listed = report.never_met.iter().take(LISTED_SEGMENTS_MAX);
-    let mut listed: Vec<_> = listed.map(|ids| drones(ids)).collect();
-    if let Some(more @ 1..) = report.never_met.len().checked_sub(LISTED_SEGMENTS_MAX) {
-        listed.push(format!("{more} more"));
-    }
-    format!(
-        "{} segments never heard each other in their slots: {}; raise `radio.range_m` or lower `formation.spacing_m`",
-        report.never_met.len(),
-        listed.join("; "),
-    )
-}
-
-/// Why a mission was not completed.
-pub(crate) fn incomplete_mission(report: &Report) -> String {
-    let has_flown = |drone: &DroneReport| drone.waypoints > 0 || drone.landed_because.is_some();
-    let landed_early = |drone: &DroneReport| drone.landed_because.is_some();
-    let segments = report.never_met.len();
-    let why = if !report.violations.is_empty() {
-        "not completed: the run stopped when a rule was broken"
-    } else if report.interrupted {
-        "not completed: the flight was interrupted"
-    } else if report.unchecked {
-        "not completed"
-    } else if segments > 0 && !report.drones.iter().any(landed_early) {
-        return format!("not completed by one swarm: {segments} segments flew it on their own");
-    } else if report.drones.iter().any(has_flown) {
-        "not completed: drones landed before the mission was over"
-    } else {
-        "not flown: no drone reached the first waypoint"
-    };
-    why.to_owned()
 }
 
 /// Route and traffic of each pure relay.

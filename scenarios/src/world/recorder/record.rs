@@ -75,6 +75,18 @@ impl Record {
         self.reason == Some(LandingReason::MissionOver) && self.killed.is_none()
     }
 
+    /// Whether it took off and came down again, by itself or with its controller's failsafe. One that fell did not land.
+    pub(crate) fn has_landed(&self) -> bool {
+        let flown = self.armed.zip(self.disarmed);
+        !self.fell && flown.is_some_and(|(armed, disarmed)| disarmed >= armed)
+    }
+
+    /// Whether it never took off, though it was not lost: it was neither killed nor restarted, and no actor was given up.
+    pub(crate) fn stayed_behind(&self) -> bool {
+        let was_lost = self.killed.is_some() || self.ran_empty || self.given_up;
+        self.armed.is_none() && !was_lost && self.reboots == 0
+    }
+
     /// Whether its agent flew it.
     pub(crate) fn was_on_task(&self) -> bool {
         self.states.iter().any(|(_, state)| *state == State::OnTask)

@@ -17,7 +17,8 @@ use muster_runtime::text::{figure, figure_or_dash, plural};
 use muster_scenarios::report::{FirmwareStalls, Flight, Report};
 
 use super::figures::speedup_text;
-use super::table::{UNCHECKED, incomplete_mission};
+use super::mission;
+use super::table::UNCHECKED;
 use super::write::{REPORT_JSON, TRACKS_CSV};
 
 /// Style sheet of all pages.
@@ -102,22 +103,21 @@ fn head(report: &Report) -> Markup {
             (card("Messages received by a drone, mean", Some(report.means.messages_received), 0, ""))
             (card("Barrier wait, mean", report.mean_wait_s(), 2, "s"))
             (card("Closest approach", report.min_separation_m, 1, "m"))
-            (mission(report))
+            (mission_card(report))
             (verdict(report))
         }
     }
 }
 
-fn mission(report: &Report) -> Markup {
+fn mission_card(report: &Report) -> Markup {
     html! {
         div.card.{ @if report.mission_completed { "good" } @else { "bad" } } {
             p { "Mission completed" }
-            @if report.mission_completed {
-                p.value { span.sign { "✓" } " yes" }
-            } @else {
-                p.value { span.sign { "✕" } " no" }
-                p.note { (incomplete_mission(report)) }
+            p.value {
+                @if report.mission_completed { span.sign { "✓" } " yes" }
+                @else { span.sign { "✕" } " no" }
             }
+            @if let Some(note) = mission::note(report) { p.note { (note) } }
         }
     }
 }

@@ -21,22 +21,6 @@ fn table_shows_restarts_early_landings_and_violations() {
 }
 
 #[test]
-fn incomplete_mission_is_landed_only_if_drones_landed() {
-    let (mut report, _) = sample::faulty();
-    report.violations.clear();
-    assert!(incomplete_mission(&report).contains("landed"));
-    let mut interrupted = report.clone();
-    interrupted.set_interrupted();
-    assert!(incomplete_mission(&interrupted).ends_with("interrupted"));
-    let (broken, _) = sample::faulty();
-    assert!(!broken.violations.is_empty() && !incomplete_mission(&broken).contains("landed"));
-    for drone in &mut report.drones {
-        (drone.waypoints, drone.landed_because) = (0, None);
-    }
-    assert!(incomplete_mission(&report).starts_with("not flown"));
-}
-
-#[test]
 fn table_of_one_drone_has_no_separation_and_no_barrier() {
     let (mut report, _) = sample::swarm(1);
     report.barriers.clear();
