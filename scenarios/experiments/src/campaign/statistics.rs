@@ -9,6 +9,8 @@ const DRAWN_MAX: usize = 60;
 /// Statistics of a sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
+    /// Number of values, at least one.
+    pub n: usize,
     /// Middle value, or the mean of the two middle values.
     pub median: f64,
     /// Interval that contains the median of the distribution with at least 95 % confidence; `None` below six values.
@@ -30,6 +32,7 @@ impl Estimate {
             interval_ranks(number).map(|(low, high)| (sample[low - 1], sample[high - 1]));
         let drawn = number.min(DRAWN_MAX);
         Some(Self {
+            n: number,
             median: f64::midpoint(sample[last / 2], sample[number / 2]),
             interval,
             p99: (number >= 100).then(|| sample[(number * 99).div_ceil(100) - 1]),
@@ -137,6 +140,7 @@ mod tests {
     fn median_of_an_even_sample_is_the_mean_of_the_middle_two() {
         let estimate = Estimate::of(vec![4.0, 1.0, 3.0, 2.0]).unwrap();
         assert_eq!(estimate.median.to_bits(), 2.5_f64.to_bits());
+        assert_eq!(estimate.n, 4);
         assert_eq!(estimate.interval, None);
         assert_eq!(estimate.drawn, [1.0, 2.0, 3.0, 4.0]);
         assert_eq!(Estimate::of(vec![7.0]).unwrap().drawn, [7.0]);

@@ -263,6 +263,7 @@ pub(super) fn heading(campaign: &Campaign, observed: &BTreeSet<&str>) -> Vec<Str
             format!("{column}_low"),
             format!("{column}_high"),
             format!("{column}_p99"),
+            format!("{column}_n"),
         ]);
     }
     names
@@ -292,6 +293,7 @@ impl Summary {
                 or_empty(interval.map(|(low, _)| low)),
                 or_empty(interval.map(|(_, high)| high)),
                 or_empty(estimate.and_then(|it| it.p99).map(rounded)),
+                or_empty(estimate.map(|it| it.n)),
             ]);
         }
         fields
@@ -322,7 +324,8 @@ mod tests {
         assert!((with.observed["finds"].median - 3.2e-8).abs() < 1e-15);
         assert_eq!(with.values, ["0", "300"]);
         let record = with.record(&BTreeSet::from(["finds"]));
-        assert_eq!(record[record.len() - 4], "0.000000032", "{record:?}");
+        assert_eq!(record[record.len() - 5], "0.000000032", "{record:?}");
+        assert_eq!(record[record.len() - 1], "6", "runs that broke no rule");
         assert!(
             with.estimates
                 .iter()

@@ -23,7 +23,8 @@ pub fn table(published: &Published, colour: Colour) -> String {
         ));
     }
     text.push_str(
-        "\n Medians, 95 % intervals and, from 100 runs, 99th percentiles (≤), over the runs without violations.\n\n",
+        "\n Medians, 95 % intervals and, from 100 runs, 99th percentiles (≤), over the runs without violations.\n \
+         n: number of runs that have the figure, if not all have it.\n\n",
     );
     text.push_str(&runs(published));
     text.push_str(&observed(published));
@@ -59,7 +60,11 @@ fn observed(published: &Published) -> String {
             false => format!(" with {}", varied.join(", ")),
         };
         let line = move |(name, estimate): (&String, &Estimate)| {
-            let figures = [Some(value(estimate.median)), interval_of(estimate)];
+            let figures = [
+                Some(value(estimate.median)),
+                interval_of(estimate),
+                number(summary, estimate),
+            ];
             let figures: Vec<_> = figures.into_iter().flatten().collect();
             format!(" value  {name}{of}: {}\n", figures.join(", "))
         };
@@ -146,13 +151,14 @@ fn medians(published: &Published, colour: Colour) -> String {
 
 fn row(summary: &Summary) -> Vec<String> {
     let figures = FIGURES.iter().zip(&summary.estimates);
-    let estimates = figures.map(|(figure, estimate)| estimate_lines(figure, estimate.as_ref()));
+    let estimates =
+        figures.map(|(figure, estimate)| estimate_lines(summary, figure, estimate.as_ref()));
     let counts = [summary.runs, summary.broken, summary.elections].map(|count| count.to_string());
     let values = summary.values.iter().cloned();
     values.chain(counts).chain(estimates).collect()
 }
 
-fn estimate_lines(figure: &Figure, estimate: Option<&Estimate>) -> String {
+fn estimate_lines(summary: &Summary, figure: &Figure, estimate: Option<&Estimate>) -> String {
     let Some(estimate) = estimate else {
         return NO_VALUE.to_owned();
     };
@@ -161,6 +167,7 @@ fn estimate_lines(figure: &Figure, estimate: Option<&Estimate>) -> String {
         Some(median),
         interval(figure, estimate),
         p99(figure, estimate),
+        number(summary, estimate),
     ];
     lines.into_iter().flatten().collect::<Vec<_>>().join("\n")
 }
@@ -169,6 +176,12 @@ fn estimate_lines(figure: &Figure, estimate: Option<&Estimate>) -> String {
 pub(super) fn p99(of: &Figure, estimate: &Estimate) -> Option<String> {
     let p99 = estimate.p99?;
     Some(format!("≤{}", figure(p99, of.digits)))
+}
+
+/// The number of values as text; `None` if each run of the combination has one.
+pub(super) fn number(of: &Summary, estimate: &Estimate) -> Option<String> {
+    let n = estimate.n as u64;
+    (n < of.runs).then(|| format!("n={n}"))
 }
 
 /// An interval as text.

@@ -12,7 +12,7 @@ use super::plan::Campaign;
 use super::publish::{RUNS_CSV, RUNS_JSONL, SUMMARY_CSV};
 use super::shard::Shard;
 use super::summary::{self, BrokenRun, FIGURES, Summary};
-use super::table::{interval, interval_of, p99, value};
+use super::table::{interval, interval_of, number, p99, value};
 use crate::output::html::document;
 
 const STYLE: &str = include_str!("campaign.css");
@@ -39,7 +39,10 @@ pub(super) fn page(campaign: &Campaign, summaries: &[Summary], broken: &[BrokenR
         }
         section {
             h2 { "Combinations" }
-            p.about { "Median; below it the 95\u{a0}% interval and, from 100 runs, the 99th percentile (≤)." }
+            p.about {
+                "Median; below it the 95\u{a0}% interval, from 100 runs the 99th percentile (≤), and the number n of runs that "
+                "have the figure, if not all have it."
+            }
             (table(campaign, summaries))
         }
         @if summaries.iter().any(|it| !it.observed.is_empty()) { (observed(campaign, summaries)) }
@@ -157,6 +160,7 @@ fn row(summary: &Summary) -> Markup {
                             (figure(estimate.median, of.digits))
                             span.low-high { (interval(of, estimate).unwrap_or_default()) }
                             span.low-high { (p99(of, estimate).unwrap_or_default()) }
+                            span.low-high { (number(summary, estimate).unwrap_or_default()) }
                         }
                         None => (NO_VALUE),
                     }
@@ -173,7 +177,8 @@ fn observed(campaign: &Campaign, summaries: &[Summary]) -> Markup {
         section {
             h2 { "What agents observed" }
             p.about {
-                "The last value of each name in a run: its median, and below it the 95\u{a0}% interval."
+                "The last value of each name in a run: its median, and below it the 95\u{a0}% interval, and the number n of runs "
+                "that have the value, if not all have it."
                 @if summaries.len() > LISTED_MAX { " The first " (LISTED_MAX) " combinations; all are in " (SUMMARY_CSV) "." }
             }
             div.scroll {
@@ -194,6 +199,7 @@ fn observed(campaign: &Campaign, summaries: &[Summary]) -> Markup {
                                             Some(estimate) => {
                                                 (value(estimate.median))
                                                 span.low-high { (interval_of(estimate).unwrap_or_default()) }
+                                                span.low-high { (number(summary, estimate).unwrap_or_default()) }
                                             }
                                             None => (NO_VALUE),
                                         }
@@ -215,8 +221,8 @@ fn method() -> Markup {
             p.about {
                 "The median of a combination is taken over its runs without violations. The interval reaches from the j-th "
                 "smallest to the j-th largest value, with the highest j such that "
-                "2\u{a0}P(B\u{a0}<\u{a0}j)\u{a0}≤\u{a0}0.05 for B binomial of the number of runs and ½. It has at least "
-                "95\u{a0}% confidence for any distribution. Fewer than six runs have no interval."
+                "2\u{a0}P(B\u{a0}<\u{a0}j)\u{a0}≤\u{a0}0.05 for B binomial of the number of values and ½. It has at least "
+                "95\u{a0}% confidence for any distribution. Fewer than six values have no interval."
             }
         }
     }

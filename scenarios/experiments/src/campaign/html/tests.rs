@@ -51,6 +51,21 @@ fn every_combination_has_a_row_and_a_median_in_every_plot() {
 }
 
 #[test]
+fn number_of_values_is_shown_where_not_every_run_has_the_figure() {
+    let campaign = plan::tests::campaign();
+    let (mut summaries, _) = summaries(&campaign, 0);
+    let all = page(&campaign, &summaries, &[]);
+    assert!(!all.contains("n=8") && !all.contains("n=5"));
+    let elections = FIGURES.iter().position(|it| it.column == "election_max_s");
+    summaries[0].estimates[elections.unwrap()] = Estimate::of(vec![0.5; 5]);
+    let page = page(&campaign, &summaries, &[]);
+    assert_eq!(page.matches("n=5").count(), 1);
+    let html = Html::parse_document(&page);
+    let method = html.root_element().text().collect::<String>();
+    assert!(method.contains("binomial of the number of values"));
+}
+
+#[test]
 fn campaign_without_varied_fields_has_plots() {
     let mut campaign = plan::tests::campaign();
     campaign.vary.clear();
