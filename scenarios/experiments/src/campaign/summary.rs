@@ -23,7 +23,18 @@ pub struct Figure {
     pub about: &'static str,
     /// Number of decimals in texts.
     pub digits: usize,
+    /// Whether it is estimated from all runs without violations, or from those of them that completed their missions.
+    scope: Scope,
     of: fn(&Row) -> Option<f64>,
+}
+
+/// The runs that a figure is estimated from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Scope {
+    /// Those that broke no rule.
+    Unbroken,
+    /// Those that broke no rule and completed their missions.
+    Complete,
 }
 
 /// All figures of a summary, in the order of the columns.
@@ -35,6 +46,7 @@ pub const FIGURES: [Figure; 11] = [
         unit: "",
         about: "Drones that flew the mission to its end. Others stayed on the ground, landed early or were lost.",
         digits: 0,
+        scope: Scope::Unbroken,
         of: |row| Some(count(row.finished)),
     },
     Figure {
@@ -44,6 +56,7 @@ pub const FIGURES: [Figure; 11] = [
         unit: "s",
         about: "From the start of neighbour discovery to the end of landing.",
         digits: 1,
+        scope: Scope::Complete,
         of: |row| row.flight_time_master_s,
     },
     Figure {
@@ -53,6 +66,7 @@ pub const FIGURES: [Figure; 11] = [
         unit: "s",
         about: "Mean over the drones of a run that flew and landed.",
         digits: 1,
+        scope: Scope::Complete,
         of: |row| row.flight_time_mean_s,
     },
     Figure {
@@ -62,6 +76,7 @@ pub const FIGURES: [Figure; 11] = [
         unit: "s",
         about: "Longest flight time of a drone in a run.",
         digits: 1,
+        scope: Scope::Complete,
         of: |row| row.flight_time_max_s,
     },
     Figure {
@@ -71,6 +86,7 @@ pub const FIGURES: [Figure; 11] = [
         unit: "",
         about: "Frames that a drone accepted during its flight time.",
         digits: 0,
+        scope: Scope::Unbroken,
         of: |row| Some(row.messages_received_mean),
     },
     Figure {
@@ -80,6 +96,7 @@ pub const FIGURES: [Figure; 11] = [
         unit: "ms",
         about: "From the last arrival to the last departure at a waypoint.",
         digits: 1,
+        scope: Scope::Unbroken,
         of: |row| row.waypoint_wait_mean_ms,
     },
     Figure {
@@ -89,6 +106,7 @@ pub const FIGURES: [Figure; 11] = [
         unit: "",
         about: "Frames of all drones from the first arrival to the last departure, without keep-alives.",
         digits: 1,
+        scope: Scope::Unbroken,
         of: |row| row.transmissions_per_barrier,
     },
     Figure {
@@ -98,6 +116,7 @@ pub const FIGURES: [Figure; 11] = [
         unit: "",
         about: "Periodic frames sent in the same time.",
         digits: 1,
+        scope: Scope::Unbroken,
         of: |row| row.keep_alives_per_barrier,
     },
     Figure {
@@ -107,6 +126,7 @@ pub const FIGURES: [Figure; 11] = [
         unit: "",
         about: "Unicast frames retransmitted by the medium in the same time, for lack of an acknowledgement.",
         digits: 1,
+        scope: Scope::Unbroken,
         of: |row| row.retries_per_barrier,
     },
     Figure {
@@ -116,6 +136,7 @@ pub const FIGURES: [Figure; 11] = [
         unit: "s",
         about: "From the loss of the master until each network segment has one master that all its drones follow.",
         digits: 2,
+        scope: Scope::Unbroken,
         of: |row| row.election_max_s,
     },
     Figure {
@@ -125,13 +146,15 @@ pub const FIGURES: [Figure; 11] = [
         unit: "m",
         about: "Smallest straight-line distance of two flying drones.",
         digits: 2,
+        scope: Scope::Unbroken,
         of: |row| row.min_separation_m,
     },
 ];
 
 /// Statistics of a combination of varied values.
 ///
-/// Runs that broke a rule are counted but excluded from the estimates, because they stopped early.
+/// Runs that broke a rule are counted but excluded from the estimates, because they stopped early. So are incomplete runs
+/// from those of the flight times: drones that land early or stay on the ground would make them look better.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Summary {
     /// Index of the combination, from 0.
@@ -148,7 +171,7 @@ pub struct Summary {
     pub violations: u64,
     /// Number of elections.
     pub elections: u64,
-    /// Estimates of [`FIGURES`], over the runs that broke no rule and have the figure.
+    /// Estimates of [`FIGURES`], over the runs that broke no rule and have the figure; of flight times, over the complete ones.
     pub estimates: Vec<Option<Estimate>>,
     /// Estimates of the last value of each name that agents observed, over the runs that broke no rule and have it.
     pub observed: BTreeMap<String, Estimate>,
@@ -208,7 +231,9 @@ impl Tally {
             return;
         }
         for (sample, figure) in self.samples.iter_mut().zip(&FIGURES) {
-            sample.extend((figure.of)(row));
+            if row.mission_completed || figure.scope == Scope::Unbroken {
+                sample.extend((figure.of)(row));
+            }
         }
         for (name, value) in &row.observed {
             self.observed.entry(name.clone()).or_default().push(*value);
@@ -331,6 +356,33 @@ mod tests {
                 .iter()
                 .all(|it| it.as_ref().unwrap().interval.is_some())
         );
+    }
+
+    #[test]
+    fn flight_times_of_incomplete_runs_are_not_estimated_from() {
+        let campaign = plan::tests::campaign();
+        let mut tally = Tally::default();
+        for run in 0..8 {
+            let mut row = row::tests::row(&campaign, run, false);
+            if run >= 6 {
+                row.mission_completed = false;
+                row.flight_time_master_s = Some(1.0);
+            }
+            tally.add(&row);
+        }
+        let summary = tally.summary(&campaign, 1);
+        assert_eq!((summary.broken, summary.incomplete), (0, 2));
+        for (figure, estimate) in FIGURES.iter().zip(&summary.estimates) {
+            let is_flight_time = figure.column.starts_with("flight_time");
+            let estimate = estimate.as_ref().unwrap();
+            let n = if is_flight_time { 6 } else { 8 };
+            assert_eq!(estimate.n, n, "{}", figure.column);
+            assert!(
+                !is_flight_time || estimate.drawn[0] > 1.0,
+                "{}",
+                figure.column
+            );
+        }
     }
 
     #[test]

@@ -23,7 +23,7 @@ pub fn table(published: &Published, colour: Colour) -> String {
         ));
     }
     text.push_str(
-        "\n Medians, 95 % intervals and, from 100 runs, 99th percentiles (≤), over the runs without violations.\n \
+        "\n Medians, 95 % intervals and, from 100 runs, 99th percentiles (≤), over the runs without violations; flight times over the\n complete ones of them.\n \
          n: number of runs that have the figure, if not all have it.\n\n",
     );
     text.push_str(&runs(published));
@@ -131,7 +131,7 @@ fn medians(published: &Published, colour: Colour) -> String {
     }
     let keys = published.campaign.vary.iter();
     let keys = keys.map(|it| it.key().replacen('.', ".\n", 1));
-    let counts = ["\nruns", "\nbroken", "\nelections"].map(str::to_owned);
+    let counts = ["\nruns", "\nbroken", "\nincomplete", "\nelections"].map(str::to_owned);
     let figures = FIGURES.iter().map(|figure| figure.short.to_owned());
     let header = keys.chain(counts).chain(figures);
     table.set_header(header.map(|name| Cell::new(name).add_attribute(Attribute::Bold)));
@@ -153,7 +153,13 @@ fn row(summary: &Summary) -> Vec<String> {
     let figures = FIGURES.iter().zip(&summary.estimates);
     let estimates =
         figures.map(|(figure, estimate)| estimate_lines(summary, figure, estimate.as_ref()));
-    let counts = [summary.runs, summary.broken, summary.elections].map(|count| count.to_string());
+    let counts = [
+        summary.runs,
+        summary.broken,
+        summary.incomplete,
+        summary.elections,
+    ]
+    .map(|count| count.to_string());
     let values = summary.values.iter().cloned();
     values.chain(counts).chain(estimates).collect()
 }

@@ -61,6 +61,7 @@ pub(super) fn page(campaign: &Campaign, summaries: &[Summary], broken: &[BrokenR
 
 fn head(campaign: &Campaign, summaries: &[Summary]) -> Markup {
     let broken: u64 = summaries.iter().map(|summary| summary.broken).sum();
+    let incomplete: u64 = summaries.iter().map(|summary| summary.incomplete).sum();
     html! {
         header {
             p.kind { "muster · campaign of simulated runs" }
@@ -84,6 +85,13 @@ fn head(campaign: &Campaign, summaries: &[Summary]) -> Markup {
                 p.value {
                     @if broken == 0 { span.sign { "✓" } " none" }
                     @else { span.sign { "✕" } " in " (runs(broken)) }
+                }
+            }
+            div.card.{ @if incomplete == 0 { "good" } @else { "bad" } } {
+                p { "Missions incomplete" }
+                p.value {
+                    @if incomplete == 0 { span.sign { "✓" } " none" }
+                    @else { span.sign { "✕" } " in " (runs(incomplete)) }
                 }
             }
         }
@@ -151,7 +159,7 @@ fn row(summary: &Summary) -> Markup {
             @for value in &summary.values { td.n { (value) } }
             td.n { (figure(count(summary.runs), 0)) }
             td.n.broken[summary.broken > 0] { (figure(count(summary.broken), 0)) }
-            td.n.incomplete { (figure(count(summary.incomplete), 0)) }
+            td.n.incomplete[summary.incomplete > 0] { (figure(count(summary.incomplete), 0)) }
             td.n { (figure(count(summary.elections), 0)) }
             @for (of, estimate) in FIGURES.iter().zip(&summary.estimates) {
                 td.n {
@@ -219,7 +227,8 @@ fn method() -> Markup {
         section {
             h2 { "Method" }
             p.about {
-                "The median of a combination is taken over its runs without violations. The interval reaches from the j-th "
+                "The median of a combination is taken over its runs without violations; that of a flight time over those of them "
+                "that completed their missions, since a drone that lands early has a short one. The interval reaches from the j-th "
                 "smallest to the j-th largest value, with the highest j such that "
                 "2\u{a0}P(B\u{a0}<\u{a0}j)\u{a0}≤\u{a0}0.05 for B binomial of the number of values and ½. It has at least "
                 "95\u{a0}% confidence for any distribution. Fewer than six values have no interval."

@@ -123,6 +123,24 @@ fn broken_runs_are_listed_with_their_commands() {
 }
 
 #[test]
+fn incomplete_runs_have_a_card_and_are_marked_in_the_table() {
+    let campaign = plan::tests::campaign();
+    let (mut summaries, _) = summaries(&campaign, 0);
+    let complete = Html::parse_document(&page(&campaign, &summaries, &[]));
+    assert_eq!(number(&complete, ".card.good"), 2);
+    summaries[1].incomplete = 3;
+    let html = Html::parse_document(&page(&campaign, &summaries, &[]));
+    assert_eq!(number(&html, ".card.bad"), 1);
+    assert_eq!(number(&html, "td.incomplete"), 1);
+    let card = Selector::parse(".card.bad").unwrap();
+    let text: String = html.select(&card).flat_map(|it| it.text()).collect();
+    assert!(
+        text.contains("Missions incomplete") && text.contains("in 3 runs"),
+        "{text}"
+    );
+}
+
+#[test]
 fn page_loads_nothing_from_the_network_and_escapes_text() {
     let mut campaign = plan::tests::campaign();
     campaign.scenario = "<script>alert(1)</script>&\"'.toml".to_owned();
