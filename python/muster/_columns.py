@@ -29,6 +29,7 @@ FIGURES = {
     "retries_per_barrier": "float64",
     "waypoint_delay_mean_s": "float64",
     "elections": "int64",
+    "elections_unsettled": "int64",
     "election_max_s": "float64",
     "min_separation_m": "float64",
     "restarts": "int64",

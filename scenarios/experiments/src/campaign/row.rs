@@ -58,7 +58,9 @@ pub struct Row {
     pub waypoint_delay_mean_s: Option<f64>,
     /// Number of periods in which a segment of any swarm had no master, or more than one.
     pub elections: u64,
-    /// Longest such period, in seconds.
+    /// Number of such periods that lasted until the end.
+    pub elections_unsettled: u64,
+    /// Longest such period that ended, in seconds.
     pub election_max_s: Option<f64>,
     /// Closest approach of two flying drones, in metres.
     pub min_separation_m: Option<f64>,
@@ -103,6 +105,7 @@ const COLUMNS: (&[&str], &[&str]) = (
         "retries_per_barrier",
         "waypoint_delay_mean_s",
         "elections",
+        "elections_unsettled",
         "election_max_s",
         "min_separation_m",
         "restarts",
@@ -167,6 +170,9 @@ impl Row {
             retries_per_barrier: mean(|barrier| barrier.retries),
             waypoint_delay_mean_s: report.mean_waypoint_delay_s().map(rounded),
             elections: elections().count() as u64,
+            elections_unsettled: elections()
+                .filter(|it| it.settled_after_s.is_none())
+                .count() as u64,
             election_max_s: settled.reduce(f64::max).map(rounded),
             min_separation_m: report.min_separation_m.map(rounded),
             restarts: report.drones.iter().map(restarts).sum(),
@@ -227,6 +233,7 @@ impl Row {
             or_empty(self.retries_per_barrier),
             or_empty(self.waypoint_delay_mean_s),
             self.elections.to_string(),
+            self.elections_unsettled.to_string(),
             or_empty(self.election_max_s),
             or_empty(self.min_separation_m),
             self.restarts.to_string(),
@@ -371,6 +378,21 @@ pub(super) mod tests {
         assert_eq!(field("landed"), "5");
         assert_eq!(field("finished"), "4", "one landed early, one did not land");
         assert_eq!(field("agent_failures"), "1");
+    }
+
+    #[test]
+    fn election_that_does_not_end_is_counted_and_has_no_duration() {
+        let (mut report, _) = sample::swarm(5);
+        let election = |settled_after_s| muster_scenarios::report::Election {
+            at_s: 100.0,
+            led_after_s: None,
+            settled_after_s,
+            masters: Vec::new(),
+        };
+        report.elections = vec![election(Some(0.5)), election(None)];
+        let row = Row::of(&report);
+        assert_eq!((row.elections, row.elections_unsettled), (2, 1));
+        assert_eq!(row.election_max_s, Some(0.5));
     }
 
     #[test]

@@ -134,7 +134,7 @@ pub const FIGURES: [Figure; 11] = [
         name: "Election, longest",
         short: "election\nlongest s",
         unit: "s",
-        about: "From the loss of the master until each network segment has one master that all its drones follow.",
+        about: "From the loss of the master until each network segment has one master that all its drones follow; of elections that ended.",
         digits: 2,
         scope: Scope::Unbroken,
         of: |row| row.election_max_s,
@@ -171,6 +171,8 @@ pub struct Summary {
     pub violations: u64,
     /// Number of elections.
     pub elections: u64,
+    /// Number of elections that were not over at the end of a run.
+    pub elections_unsettled: u64,
     /// Estimates of [`FIGURES`], over the runs that broke no rule and have the figure; of flight times, over the complete ones.
     pub estimates: Vec<Option<Estimate>>,
     /// Estimates of the last value of each name that agents observed, over the runs that broke no rule and have it.
@@ -216,6 +218,7 @@ pub(super) struct Tally {
     incomplete: u64,
     violations: u64,
     elections: u64,
+    elections_unsettled: u64,
     samples: [Vec<f64>; FIGURES.len()],
     observed: BTreeMap<String, Vec<f64>>,
 }
@@ -225,6 +228,7 @@ impl Tally {
         self.runs += 1;
         self.violations += row.violations;
         self.elections += row.elections;
+        self.elections_unsettled += row.elections_unsettled;
         self.incomplete += u64::from(row.is_incomplete());
         if row.is_broken() {
             self.broken += 1;
@@ -253,6 +257,7 @@ impl Tally {
             incomplete: self.incomplete,
             violations: self.violations,
             elections: self.elections,
+            elections_unsettled: self.elections_unsettled,
             estimates: self.samples.into_iter().map(Estimate::of).collect(),
             observed: (self.observed.into_iter())
                 .filter_map(|(name, sample)| Some((name, Estimate::of(sample)?)))
@@ -276,7 +281,14 @@ pub(super) fn heading(campaign: &Campaign, observed: &BTreeSet<&str>) -> Vec<Str
             .iter()
             .map(|variation| variation.key().to_owned()),
     );
-    let counts = ["runs", "broken", "incomplete", "violations", "elections"];
+    let counts = [
+        "runs",
+        "broken",
+        "incomplete",
+        "violations",
+        "elections",
+        "elections_unsettled",
+    ];
     names.extend(counts.map(str::to_owned));
     for column in FIGURES
         .iter()
@@ -305,6 +317,7 @@ impl Summary {
             self.incomplete,
             self.violations,
             self.elections,
+            self.elections_unsettled,
         ];
         fields.extend(counts.map(|count| count.to_string()));
         let figures = self.estimates.iter().map(Option::as_ref);
@@ -391,7 +404,7 @@ mod tests {
         let observed = BTreeSet::from(["finds"]);
         let record = Tally::default().summary(&campaign, 0).record(&observed);
         assert_eq!(record.len(), heading(&campaign, &observed).len());
-        assert!(record.iter().skip(8).all(String::is_empty), "{record:?}");
+        assert!(record.iter().skip(9).all(String::is_empty), "{record:?}");
     }
 
     #[test]

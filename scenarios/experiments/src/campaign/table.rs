@@ -153,15 +153,17 @@ fn row(summary: &Summary) -> Vec<String> {
     let figures = FIGURES.iter().zip(&summary.estimates);
     let estimates =
         figures.map(|(figure, estimate)| estimate_lines(summary, figure, estimate.as_ref()));
-    let counts = [
-        summary.runs,
-        summary.broken,
-        summary.incomplete,
-        summary.elections,
-    ]
-    .map(|count| count.to_string());
-    let values = summary.values.iter().cloned();
-    values.chain(counts).chain(estimates).collect()
+    let counts = [summary.runs, summary.broken, summary.incomplete].map(|it| it.to_string());
+    let elections = std::iter::once(summary.elections.to_string()).chain(unsettled(summary));
+    let elections = elections.collect::<Vec<_>>().join("\n");
+    let values = summary.values.iter().cloned().chain(counts);
+    values.chain([elections]).chain(estimates).collect()
+}
+
+/// The number of elections that did not end, as text; `None` if all ended.
+pub(super) fn unsettled(summary: &Summary) -> Option<String> {
+    let unsettled = summary.elections_unsettled;
+    (unsettled > 0).then(|| format!("{unsettled} unsettled"))
 }
 
 fn estimate_lines(summary: &Summary, figure: &Figure, estimate: Option<&Estimate>) -> String {

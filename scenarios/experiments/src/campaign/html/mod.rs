@@ -12,7 +12,7 @@ use super::plan::Campaign;
 use super::publish::{RUNS_CSV, RUNS_JSONL, SUMMARY_CSV};
 use super::shard::Shard;
 use super::summary::{self, BrokenRun, FIGURES, Summary};
-use super::table::{interval, interval_of, number, p99, value};
+use super::table::{interval, interval_of, number, p99, unsettled, value};
 use crate::output::html::document;
 
 const STYLE: &str = include_str!("campaign.css");
@@ -160,7 +160,10 @@ fn row(summary: &Summary) -> Markup {
             td.n { (figure(count(summary.runs), 0)) }
             td.n.broken[summary.broken > 0] { (figure(count(summary.broken), 0)) }
             td.n.incomplete[summary.incomplete > 0] { (figure(count(summary.incomplete), 0)) }
-            td.n { (figure(count(summary.elections), 0)) }
+            td.n {
+                (figure(count(summary.elections), 0))
+                @if let Some(unsettled) = unsettled(summary) { span.low-high { (unsettled) } }
+            }
             @for (of, estimate) in FIGURES.iter().zip(&summary.estimates) {
                 td.n {
                     @match estimate {

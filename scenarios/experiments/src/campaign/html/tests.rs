@@ -141,6 +141,21 @@ fn incomplete_runs_have_a_card_and_are_marked_in_the_table() {
 }
 
 #[test]
+fn elections_that_did_not_end_are_counted_below_all() {
+    let campaign = plan::tests::campaign();
+    let mut tally = Tally::default();
+    for run in 0..2 {
+        let mut row = row::tests::row(&campaign, run, false);
+        (row.elections, row.elections_unsettled) = (3, 1);
+        tally.add(&row);
+    }
+    let summary = tally.summary(&campaign, 0);
+    assert_eq!((summary.elections, summary.elections_unsettled), (6, 2));
+    let page = page(&campaign, &[summary], &[]);
+    assert_eq!(page.matches(">2 unsettled<").count(), 1);
+}
+
+#[test]
 fn page_loads_nothing_from_the_network_and_escapes_text() {
     let mut campaign = plan::tests::campaign();
     campaign.scenario = "<script>alert(1)</script>&\"'.toml".to_owned();
