@@ -35,6 +35,7 @@ FIGURES = {
     "restarts": "int64",
     "agent_failures": "int64",
     "mission_completed": "bool",
+    "never_injected": "int64",
     "violations": "int64",
     "rule": "Int64",
     "violation": "string",

@@ -46,6 +46,13 @@ impl Published {
         self.summaries.iter().map(|summary| summary.broken).sum()
     }
 
+    /// Number of runs in which a fault of the scenario never happened.
+    #[must_use]
+    pub fn never_injected_runs(&self) -> u64 {
+        let runs = self.summaries.iter().map(|it| it.never_injected);
+        runs.sum()
+    }
+
     /// Number of runs that broke no rule but did not complete the mission.
     #[must_use]
     pub fn incomplete_runs(&self) -> u64 {

@@ -74,6 +74,8 @@ pub struct Row {
     pub observed: BTreeMap<String, f64>,
     /// Whether all swarms completed their missions; see [`Report::are_missions_completed`].
     pub mission_completed: bool,
+    /// Number of faults in the scenario file that never happened; 0 if a rule was broken, which ended the run.
+    pub never_injected: u64,
     /// Number of violations; the first one stops the run.
     pub violations: u64,
     /// Number of the first broken rule.
@@ -111,6 +113,7 @@ const COLUMNS: (&[&str], &[&str]) = (
         "restarts",
         "agent_failures",
         "mission_completed",
+        "never_injected",
         "violations",
         "rule",
         "violation",
@@ -182,6 +185,7 @@ impl Row {
                 .sum(),
             observed: observed(report),
             mission_completed: report.are_missions_completed(),
+            never_injected: report.never_injected.len() as u64,
             violations: report.violations.len() as u64,
             rule: first.map(|violation| violation.rule),
             violation: first.map(|violation| violation.what.clone()),
@@ -239,6 +243,7 @@ impl Row {
             self.restarts.to_string(),
             self.agent_failures.to_string(),
             self.mission_completed.to_string(),
+            self.never_injected.to_string(),
             self.violations.to_string(),
             or_empty(self.rule),
             or_empty(self.violation.as_deref()),

@@ -173,6 +173,8 @@ pub struct Summary {
     pub elections: u64,
     /// Number of elections that were not over at the end of a run.
     pub elections_unsettled: u64,
+    /// Runs in which a fault of the scenario never happened.
+    pub never_injected: u64,
     /// Estimates of [`FIGURES`], over the runs that broke no rule and have the figure; of flight times, over the complete ones.
     pub estimates: Vec<Option<Estimate>>,
     /// Estimates of the last value of each name that agents observed, over the runs that broke no rule and have it.
@@ -219,6 +221,7 @@ pub(super) struct Tally {
     violations: u64,
     elections: u64,
     elections_unsettled: u64,
+    never_injected: u64,
     samples: [Vec<f64>; FIGURES.len()],
     observed: BTreeMap<String, Vec<f64>>,
 }
@@ -228,6 +231,7 @@ impl Tally {
         self.runs += 1;
         self.violations += row.violations;
         self.elections += row.elections;
+        self.never_injected += u64::from(row.never_injected > 0);
         self.elections_unsettled += row.elections_unsettled;
         self.incomplete += u64::from(row.is_incomplete());
         if row.is_broken() {
@@ -258,6 +262,7 @@ impl Tally {
             violations: self.violations,
             elections: self.elections,
             elections_unsettled: self.elections_unsettled,
+            never_injected: self.never_injected,
             estimates: self.samples.into_iter().map(Estimate::of).collect(),
             observed: (self.observed.into_iter())
                 .filter_map(|(name, sample)| Some((name, Estimate::of(sample)?)))
@@ -288,6 +293,7 @@ pub(super) fn heading(campaign: &Campaign, observed: &BTreeSet<&str>) -> Vec<Str
         "violations",
         "elections",
         "elections_unsettled",
+        "never_injected",
     ];
     names.extend(counts.map(str::to_owned));
     for column in FIGURES
@@ -318,6 +324,7 @@ impl Summary {
             self.violations,
             self.elections,
             self.elections_unsettled,
+            self.never_injected,
         ];
         fields.extend(counts.map(|count| count.to_string()));
         let figures = self.estimates.iter().map(Option::as_ref);
@@ -404,7 +411,7 @@ mod tests {
         let observed = BTreeSet::from(["finds"]);
         let record = Tally::default().summary(&campaign, 0).record(&observed);
         assert_eq!(record.len(), heading(&campaign, &observed).len());
-        assert!(record.iter().skip(9).all(String::is_empty), "{record:?}");
+        assert!(record.iter().skip(10).all(String::is_empty), "{record:?}");
     }
 
     #[test]

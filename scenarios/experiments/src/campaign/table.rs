@@ -88,7 +88,7 @@ pub(super) fn interval_of(estimate: &Estimate) -> Option<String> {
     Some(format!("{}–{}", value(low), value(high)))
 }
 
-/// Broken rules and incomplete missions, with the commands that repeat the first broken runs.
+/// Broken rules, incomplete missions and faults that never happened, with the commands that repeat the first broken runs.
 fn rules(published: &Published, colour: Colour) -> String {
     let number = |runs: u64| plural(usize::try_from(runs).unwrap_or(usize::MAX), "run");
     let broken_runs = published.broken_runs();
@@ -104,6 +104,10 @@ fn rules(published: &Published, colour: Colour) -> String {
             let result = painted(&result, RED, colour);
             text.push_str(&format!(" missions  {result}\n"));
         }
+    }
+    match published.never_injected_runs() {
+        0 => {}
+        runs => text.push_str(&format!(" faults  never injected in {}\n", number(runs))),
     }
     for run in &published.broken {
         let rule = run

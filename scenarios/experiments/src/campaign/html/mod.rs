@@ -61,6 +61,7 @@ pub(super) fn page(campaign: &Campaign, summaries: &[Summary], broken: &[BrokenR
 
 fn head(campaign: &Campaign, summaries: &[Summary]) -> Markup {
     let broken: u64 = summaries.iter().map(|summary| summary.broken).sum();
+    let never_injected: u64 = summaries.iter().map(|it| it.never_injected).sum();
     let incomplete: u64 = summaries.iter().map(|summary| summary.incomplete).sum();
     html! {
         header {
@@ -93,6 +94,9 @@ fn head(campaign: &Campaign, summaries: &[Summary]) -> Markup {
                     @if incomplete == 0 { span.sign { "✓" } " none" }
                     @else { span.sign { "✕" } " in " (runs(incomplete)) }
                 }
+            }
+            @if never_injected > 0 {
+                div.card.bad { p { "Faults never injected" } p.value { span.sign { "✕" } " in " (runs(never_injected)) } }
             }
         }
     }

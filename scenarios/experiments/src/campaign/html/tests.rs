@@ -156,6 +156,16 @@ fn elections_that_did_not_end_are_counted_below_all() {
 }
 
 #[test]
+fn runs_with_a_fault_that_never_happened_are_counted_in_a_card() {
+    let campaign = plan::tests::campaign();
+    let (mut summaries, _) = summaries(&campaign, 0);
+    let card = "Faults never injected";
+    assert!(!page(&campaign, &summaries, &[]).contains(card));
+    summaries[0].never_injected = 2;
+    assert!(page(&campaign, &summaries, &[]).contains(card));
+}
+
+#[test]
 fn page_loads_nothing_from_the_network_and_escapes_text() {
     let mut campaign = plan::tests::campaign();
     campaign.scenario = "<script>alert(1)</script>&\"'.toml".to_owned();

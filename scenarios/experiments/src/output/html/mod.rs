@@ -77,6 +77,7 @@ fn head(report: &Report) -> Markup {
                     (report.drones.len())
                     @for other in &report.others { " + " (other.drones.len()) }
                 } }
+                @if let Some(never) = mission::never_injected(report) { div { dt { "Faults" } dd { (never) } } }
                 @if report.engine.is_some() {
                     div { dt { "Simulated" } dd { (figure(report.simulated_s, 1)) " s" } }
                     div {

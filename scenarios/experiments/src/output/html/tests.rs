@@ -50,6 +50,17 @@ fn page_shows_every_drone_with_its_kind() {
 }
 
 #[test]
+fn page_names_drones_that_stayed_on_the_ground_and_faults_that_never_happened() {
+    let (mut report, flight) = sample::swarm(5);
+    "start".clone_into(&mut report.drones[4].state);
+    report.mission_completed = false;
+    report.never_injected = vec![2, 3];
+    let html = parsed(&(report, flight));
+    assert!(text(&html, ".cards .note").contains("flown without drone 4, never off the ground"));
+    assert!(text(&html, ".facts").contains("never injected, by number in the file: 2, 3"));
+}
+
+#[test]
 fn map_enlarges_drones_close_together() {
     assert_eq!(number(&parsed(&sample::swarm(15)), ".enlarged"), 2);
     assert_eq!(number(&parsed(&sample::swarm(1)), ".enlarged"), 0);
