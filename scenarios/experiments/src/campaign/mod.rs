@@ -4,6 +4,7 @@
 //! by seed. A shard is every n-th run. Rows go to a journal in the order in which runs end. Files are published in list
 //! order once all rows exist. They hold results only, so interruptions and the number of shards don't change their bytes.
 
+mod figures;
 mod folder;
 mod html;
 mod merge;
@@ -18,6 +19,7 @@ mod statistics;
 mod summary;
 mod table;
 
+pub use figures::{FIGURES, Figure};
 pub(crate) use folder::CAMPAIGN_JSON;
 pub use merge::merge;
 pub(crate) use plan::PROGRAM;
@@ -28,7 +30,7 @@ pub use run::{JOBS_MAX, Progress, RUN_LIMIT, RunOptions, run};
 pub use seeds::Seeds;
 pub use shard::Shard;
 pub use statistics::{Estimate, interval_ranks};
-pub use summary::{BrokenRun, FIGURES, Figure, Summary};
+pub use summary::{BrokenRun, Summary};
 pub use table::table;
 
 use std::io;

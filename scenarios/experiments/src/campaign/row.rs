@@ -62,6 +62,18 @@ pub struct Row {
     pub elections_unsettled: u64,
     /// Longest such period that ended, in seconds.
     pub election_max_s: Option<f64>,
+    /// Distance of the drones that followed the master from their slots around it, in metres; mean. `None` if none followed.
+    pub following_mean_m: Option<f64>,
+    /// 95th percentile of these distances.
+    pub following_p95_m: Option<f64>,
+    /// Longest of these distances.
+    pub following_max_m: Option<f64>,
+    /// Receptions lost to a collision or because the receiver was transmitting, of all radios. `None` on an ideal medium.
+    pub medium_collided: Option<u64>,
+    /// Receptions lost by `radio.loss`, likewise.
+    pub medium_lost: Option<u64>,
+    /// Unicast datagrams that the medium gave up after the last retry, likewise.
+    pub medium_given_up: Option<u64>,
     /// Closest approach of two flying drones, in metres.
     pub min_separation_m: Option<f64>,
     /// Number of actor restarts of all drones.
@@ -109,6 +121,12 @@ const COLUMNS: (&[&str], &[&str]) = (
         "elections",
         "elections_unsettled",
         "election_max_s",
+        "following_mean_m",
+        "following_p95_m",
+        "following_max_m",
+        "medium_collided",
+        "medium_lost",
+        "medium_given_up",
         "min_separation_m",
         "restarts",
         "agent_failures",
@@ -148,6 +166,7 @@ impl Row {
         };
         let mean = |what: fn(&Barrier) -> u64| report.mean_of_barriers(what).map(rounded);
         let first = report.violations.first();
+        let following = report.following.as_ref();
         let elections = || report.swarms().flat_map(|swarm| &swarm.elections);
         let settled = elections().filter_map(|it| it.settled_after_s);
         Self {
@@ -177,6 +196,12 @@ impl Row {
                 .filter(|it| it.settled_after_s.is_none())
                 .count() as u64,
             election_max_s: settled.reduce(f64::max).map(rounded),
+            following_mean_m: following.map(|it| rounded(it.mean_m)),
+            following_p95_m: following.map(|it| rounded(it.p95_m)),
+            following_max_m: following.map(|it| rounded(it.max_m)),
+            medium_collided: report.medium.map(|it| it.collided),
+            medium_lost: report.medium.map(|it| it.lost),
+            medium_given_up: report.medium.map(|it| it.given_up),
             min_separation_m: report.min_separation_m.map(rounded),
             restarts: report.drones.iter().map(restarts).sum(),
             agent_failures: report
@@ -239,6 +264,12 @@ impl Row {
             self.elections.to_string(),
             self.elections_unsettled.to_string(),
             or_empty(self.election_max_s),
+            or_empty(self.following_mean_m),
+            or_empty(self.following_p95_m),
+            or_empty(self.following_max_m),
+            or_empty(self.medium_collided),
+            or_empty(self.medium_lost),
+            or_empty(self.medium_given_up),
             or_empty(self.min_separation_m),
             self.restarts.to_string(),
             self.agent_failures.to_string(),
@@ -340,6 +371,21 @@ pub(super) mod tests {
             settled_after_s: Some(0.5),
             masters: vec![1, 3],
         }];
+        report.following = Some(muster_scenarios::report::FormationError {
+            followed_s: 60.0,
+            mean_m: 0.5,
+            p95_m: 1.25,
+            max_m: 2.0,
+        });
+        report.medium = Some(muster_scenarios::report::MediumCounters {
+            sent: 900,
+            acknowledgements: 100,
+            retries: 12,
+            given_up: 1,
+            dropped: 0,
+            collided: 30,
+            lost: 7,
+        });
         report.agent_failures = vec![muster_scenarios::report::AgentFailure {
             at_s: 50.0,
             drone: 2,
@@ -383,6 +429,8 @@ pub(super) mod tests {
         assert_eq!(field("landed"), "5");
         assert_eq!(field("finished"), "4", "one landed early, one did not land");
         assert_eq!(field("agent_failures"), "1");
+        assert_eq!(field("following_p95_m"), "1.25");
+        assert_eq!(field("medium_collided"), "30");
     }
 
     #[test]

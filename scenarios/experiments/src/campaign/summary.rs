@@ -2,154 +2,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use muster_scenarios::report::{command, count};
+use muster_scenarios::report::command;
 
+use super::figures::{FIGURES, Figure, Scope};
 use super::plan::Campaign;
 use super::row::{Row, or_empty, rounded, to_15_digits};
 use super::statistics::Estimate;
-
-/// A figure of a run that a summary estimates.
-#[derive(Debug)]
-pub struct Figure {
-    /// Column in `runs.csv`.
-    pub column: &'static str,
-    /// Name in headings.
-    pub name: &'static str,
-    /// Short name of two lines, with the unit.
-    pub short: &'static str,
-    /// Unit; empty for a count.
-    pub unit: &'static str,
-    /// How it is measured.
-    pub about: &'static str,
-    /// Number of decimals in texts.
-    pub digits: usize,
-    /// Whether it is estimated from all runs without violations, or from those of them that completed their missions.
-    scope: Scope,
-    of: fn(&Row) -> Option<f64>,
-}
-
-/// The runs that a figure is estimated from.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Scope {
-    /// Those that broke no rule.
-    Unbroken,
-    /// Those that broke no rule and completed their missions.
-    Complete,
-}
-
-/// All figures of a summary, in the order of the columns.
-pub const FIGURES: [Figure; 11] = [
-    Figure {
-        column: "finished",
-        name: "Drones that finished",
-        short: "drones\nfinished",
-        unit: "",
-        about: "Drones that flew the mission to its end. Others stayed on the ground, landed early or were lost.",
-        digits: 0,
-        scope: Scope::Unbroken,
-        of: |row| Some(count(row.finished)),
-    },
-    Figure {
-        column: "flight_time_master_s",
-        name: "Flight time of the master",
-        short: "flight s\nmaster",
-        unit: "s",
-        about: "From the start of neighbour discovery to the end of landing.",
-        digits: 1,
-        scope: Scope::Complete,
-        of: |row| row.flight_time_master_s,
-    },
-    Figure {
-        column: "flight_time_mean_s",
-        name: "Flight time, mean of the drones",
-        short: "flight s\nmean",
-        unit: "s",
-        about: "Mean over the drones of a run that flew and landed.",
-        digits: 1,
-        scope: Scope::Complete,
-        of: |row| row.flight_time_mean_s,
-    },
-    Figure {
-        column: "flight_time_max_s",
-        name: "Flight time, longest",
-        short: "flight s\nlongest",
-        unit: "s",
-        about: "Longest flight time of a drone in a run.",
-        digits: 1,
-        scope: Scope::Complete,
-        of: |row| row.flight_time_max_s,
-    },
-    Figure {
-        column: "messages_received_mean",
-        name: "Messages received, mean of the drones",
-        short: "messages\nreceived",
-        unit: "",
-        about: "Frames that a drone accepted during its flight time.",
-        digits: 0,
-        scope: Scope::Unbroken,
-        of: |row| Some(row.messages_received_mean),
-    },
-    Figure {
-        column: "waypoint_wait_mean_ms",
-        name: "Barrier wait, mean",
-        short: "barrier\nwait ms",
-        unit: "ms",
-        about: "From the last arrival to the last departure at a waypoint.",
-        digits: 1,
-        scope: Scope::Unbroken,
-        of: |row| row.waypoint_wait_mean_ms,
-    },
-    Figure {
-        column: "transmissions_per_barrier",
-        name: "Transmissions per barrier, mean",
-        short: "frames/\nbarrier",
-        unit: "",
-        about: "Frames of all drones from the first arrival to the last departure, without keep-alives.",
-        digits: 1,
-        scope: Scope::Unbroken,
-        of: |row| row.transmissions_per_barrier,
-    },
-    Figure {
-        column: "keep_alives_per_barrier",
-        name: "Keep-alives per barrier, mean",
-        short: "keep-\nalives",
-        unit: "",
-        about: "Periodic frames sent in the same time.",
-        digits: 1,
-        scope: Scope::Unbroken,
-        of: |row| row.keep_alives_per_barrier,
-    },
-    Figure {
-        column: "retries_per_barrier",
-        name: "Retries per barrier, mean",
-        short: "MAC\nretries",
-        unit: "",
-        about: "Unicast frames retransmitted by the medium in the same time, for lack of an acknowledgement.",
-        digits: 1,
-        scope: Scope::Unbroken,
-        of: |row| row.retries_per_barrier,
-    },
-    Figure {
-        column: "election_max_s",
-        name: "Election, longest",
-        short: "election\nlongest s",
-        unit: "s",
-        about: "From the loss of the master until each network segment has one master that all its drones follow; of elections that ended.",
-        digits: 2,
-        scope: Scope::Unbroken,
-        of: |row| row.election_max_s,
-    },
-    Figure {
-        column: "min_separation_m",
-        name: "Closest approach",
-        short: "closest\nm",
-        unit: "m",
-        about: "Smallest straight-line distance of two flying drones.",
-        digits: 2,
-        scope: Scope::Unbroken,
-        of: |row| row.min_separation_m,
-    },
-];
 
 /// Statistics of a combination of varied values.
 ///
@@ -212,7 +70,7 @@ impl BrokenRun {
     }
 }
 
-/// Collected figures of a combination's runs; 80 bytes of memory per run.
+/// Collected figures of a combination's runs; at most 136 bytes of memory per run.
 #[derive(Debug, Default)]
 pub(super) struct Tally {
     runs: u64,
@@ -269,6 +127,13 @@ impl Tally {
                 .collect(),
         }
     }
+}
+
+/// The figures that some run has, with their places in [`FIGURES`]: no run of a mission has a formation error.
+pub(super) fn shown(summaries: &[Summary]) -> Vec<(usize, &'static Figure)> {
+    let has = |place: usize| summaries.iter().any(|it| it.estimates[place].is_some());
+    let figures = FIGURES.iter().enumerate();
+    figures.filter(|(place, _)| has(*place)).collect()
 }
 
 /// The names that agents observed, in alphabetical order.
@@ -338,7 +203,7 @@ impl Summary {
                 or_empty(interval.map(|(low, _)| low)),
                 or_empty(interval.map(|(_, high)| high)),
                 or_empty(estimate.and_then(|it| it.p99).map(rounded)),
-                or_empty(estimate.map(|it| it.n)),
+                estimate.map_or(0, |it| it.n).to_string(),
             ]);
         }
         fields
@@ -411,7 +276,11 @@ mod tests {
         let observed = BTreeSet::from(["finds"]);
         let record = Tally::default().summary(&campaign, 0).record(&observed);
         assert_eq!(record.len(), heading(&campaign, &observed).len());
-        assert!(record.iter().skip(10).all(String::is_empty), "{record:?}");
+        let estimates = record[10..].chunks(5);
+        assert_eq!(estimates.len(), FIGURES.len() + 1);
+        for estimate in estimates {
+            assert_eq!(estimate, ["", "", "", "", "0"], "{record:?}");
+        }
     }
 
     #[test]

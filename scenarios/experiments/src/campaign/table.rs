@@ -4,9 +4,10 @@ use comfy_table::{Attribute, Cell, CellAlignment, Table};
 use muster_runtime::text::{NO_VALUE, figure, plural};
 use muster_scenarios::report::{Colour, TABLE_STYLE};
 
+use super::figures::Figure;
 use super::publish::{Published, SUMMARY_CSV};
 use super::statistics::Estimate;
-use super::summary::{FIGURES, Figure, Summary};
+use super::summary::{Summary, shown};
 use crate::output::table::{GREEN, RED, painted};
 
 /// Maximum number of listed combinations.
@@ -136,11 +137,12 @@ fn medians(published: &Published, colour: Colour) -> String {
     let keys = published.campaign.vary.iter();
     let keys = keys.map(|it| it.key().replacen('.', ".\n", 1));
     let counts = ["\nruns", "\nbroken", "\nincomplete", "\nelections"].map(str::to_owned);
-    let figures = FIGURES.iter().map(|figure| figure.short.to_owned());
+    let shown = shown(&published.summaries);
+    let figures = shown.iter().map(|(_, figure)| figure.short.to_owned());
     let header = keys.chain(counts).chain(figures);
     table.set_header(header.map(|name| Cell::new(name).add_attribute(Attribute::Bold)));
     for summary in published.summaries.iter().take(LISTED_MAX) {
-        table.add_row(row(summary));
+        table.add_row(row(summary, &shown));
     }
     for column in table.column_iter_mut() {
         column
@@ -153,10 +155,10 @@ fn medians(published: &Published, colour: Colour) -> String {
         .collect()
 }
 
-fn row(summary: &Summary) -> Vec<String> {
-    let figures = FIGURES.iter().zip(&summary.estimates);
-    let estimates =
-        figures.map(|(figure, estimate)| estimate_lines(summary, figure, estimate.as_ref()));
+fn row(summary: &Summary, shown: &[(usize, &Figure)]) -> Vec<String> {
+    let estimates = shown
+        .iter()
+        .map(|(place, figure)| estimate_lines(summary, figure, summary.estimates[*place].as_ref()));
     let counts = [summary.runs, summary.broken, summary.incomplete].map(|it| it.to_string());
     let elections = std::iter::once(summary.elections.to_string()).chain(unsettled(summary));
     let elections = elections.collect::<Vec<_>>().join("\n");

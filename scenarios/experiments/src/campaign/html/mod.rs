@@ -8,10 +8,11 @@ use maud::{Markup, html};
 use muster_runtime::text::{NO_VALUE, figure, plural};
 use muster_scenarios::report::count;
 
+use super::figures::Figure;
 use super::plan::Campaign;
 use super::publish::{RUNS_CSV, RUNS_JSONL, SUMMARY_CSV};
 use super::shard::Shard;
-use super::summary::{self, BrokenRun, FIGURES, Summary};
+use super::summary::{self, BrokenRun, Summary, shown};
 use super::table::{interval, interval_of, number, p99, unsettled, value};
 use crate::output::html::document;
 
@@ -133,6 +134,7 @@ fn rules(summaries: &[Summary], broken: &[BrokenRun]) -> Markup {
 }
 
 fn table(campaign: &Campaign, summaries: &[Summary]) -> Markup {
+    let shown = shown(summaries);
     html! {
         div.scroll {
             table.medians {
@@ -143,12 +145,12 @@ fn table(campaign: &Campaign, summaries: &[Summary]) -> Markup {
                         th.n { "Broken" }
                         th.n { "Incomplete" }
                         th.n { "Elections" }
-                        @for figure in &FIGURES {
+                        @for (_, figure) in &shown {
                             th.n { (figure.name) @if !figure.unit.is_empty() { ",\u{a0}" (figure.unit) } }
                         }
                     }
                 }
-                tbody { @for summary in summaries.iter().take(LISTED_MAX) { (row(summary)) } }
+                tbody { @for summary in summaries.iter().take(LISTED_MAX) { (row(summary, &shown)) } }
             }
         }
         @if summaries.len() > LISTED_MAX {
@@ -157,7 +159,7 @@ fn table(campaign: &Campaign, summaries: &[Summary]) -> Markup {
     }
 }
 
-fn row(summary: &Summary) -> Markup {
+fn row(summary: &Summary, shown: &[(usize, &Figure)]) -> Markup {
     html! {
         tr {
             @for value in &summary.values { td.n { (value) } }
@@ -168,9 +170,9 @@ fn row(summary: &Summary) -> Markup {
                 (figure(count(summary.elections), 0))
                 @if let Some(unsettled) = unsettled(summary) { span.low-high { (unsettled) } }
             }
-            @for (of, estimate) in FIGURES.iter().zip(&summary.estimates) {
+            @for (place, of) in shown {
                 td.n {
-                    @match estimate {
+                    @match &summary.estimates[*place] {
                         Some(estimate) => {
                             (figure(estimate.median, of.digits))
                             span.low-high { (interval(of, estimate).unwrap_or_default()) }

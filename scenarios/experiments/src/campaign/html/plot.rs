@@ -4,9 +4,10 @@ use maud::{Markup, html};
 use muster_runtime::text::figure;
 use muster_scenarios::report::count;
 
+use crate::campaign::figures::{FIGURES, Figure};
 use crate::campaign::plan::Campaign;
 use crate::campaign::statistics::Estimate;
-use crate::campaign::summary::{FIGURES, Figure, Summary};
+use crate::campaign::summary::{Summary, shown};
 use crate::campaign::table::interval;
 use crate::output::html::axis::{Axis, px, scale};
 
@@ -42,8 +43,15 @@ struct PlotLayout<'a> {
 /// All plots, with their legend.
 pub(super) fn plots(campaign: &Campaign, summaries: &[Summary]) -> Markup {
     let layout = PlotLayout::new(campaign, summaries);
-    let figures = FIGURES.iter().enumerate();
-    let (zero, plotted): (Vec<_>, Vec<_>) = figures.partition(|(place, _)| layout.is_zero(*place));
+    let shown = shown(summaries);
+    let is_absent = |place: &usize| shown.iter().all(|(it, _)| it != place);
+    let absent = FIGURES
+        .iter()
+        .enumerate()
+        .filter(|(place, _)| is_absent(place));
+    let absent: Vec<_> = absent.map(|(_, figure)| figure.name).collect();
+    let (zero, plotted): (Vec<_>, Vec<_>) =
+        shown.iter().partition(|(place, _)| layout.is_zero(*place));
     let zero: Vec<_> = zero.iter().map(|(_, figure)| figure.name).collect();
     html! {
         @if layout.series.len() > 1 {
@@ -54,6 +62,7 @@ pub(super) fn plots(campaign: &Campaign, summaries: &[Summary]) -> Markup {
             }
         }
         div.plots { @for (place, figure) in plotted { (layout.plot(place, figure)) } }
+        @if !absent.is_empty() { p.none { "In no run: " (absent.join("; ")) "." } }
         @if !zero.is_empty() { p.none { "Zero in every run, and not plotted: " (zero.join("; ")) "." } }
     }
 }

@@ -1,10 +1,11 @@
 use scraper::{Html, Selector};
 
 use super::page;
+use crate::campaign::figures::FIGURES;
 use crate::campaign::plan::{self, Campaign};
 use crate::campaign::row;
 use crate::campaign::statistics::Estimate;
-use crate::campaign::summary::{BrokenRun, FIGURES, Summary, Tally};
+use crate::campaign::summary::{BrokenRun, Summary, Tally};
 
 fn summaries(campaign: &Campaign, broken: u64) -> (Vec<Summary>, Vec<BrokenRun>) {
     let mut listed = Vec::new();
@@ -91,6 +92,22 @@ fn figures_that_are_zero_in_every_run_are_named_and_not_plotted() {
         FIGURES.len() - 1
     );
     assert!(page.contains("Zero in every run, and not plotted: Retries per barrier, mean."));
+}
+
+#[test]
+fn figures_that_no_run_has_are_named_and_have_no_column() {
+    let campaign = plan::tests::campaign();
+    let mut summaries = summaries(&campaign, 0).0;
+    let absent = FIGURES
+        .iter()
+        .position(|it| it.column == "following_mean_m");
+    for summary in &mut summaries {
+        summary.estimates[absent.unwrap()] = None;
+    }
+    let page = page(&campaign, &summaries, &[]);
+    assert!(page.contains("In no run: Formation error, mean."));
+    let columns = number(&Html::parse_document(&page), "table.medians th");
+    assert_eq!(columns, 2 + 4 + FIGURES.len() - 1);
 }
 
 #[test]
