@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::mpsc::channel;
 
 use comfy_table::{CellAlignment, Table};
-use muster_experiments::campaign::Seeds;
+use muster_experiments::campaign::{Seeds, median};
 use muster_indoor::patrol::EarlyLanding;
 use muster_runtime::text::{figure, plural, rounded_down, rounded_up};
 use muster_scenarios::report::TABLE_STYLE;
@@ -214,9 +214,14 @@ pub(crate) fn lines(campaign: &Campaign) -> Vec<Line> {
         } else {
             values.last()
         };
-        let text = |value: Option<&f64>| value.map_or_else(String::new, |it| figure(*it, digits));
-        let median = text(values.get(values.len() / 2));
-        (name, text(worst), median, accepted.to_owned())
+        let text = |value: Option<f64>| {
+            // The median of two counts may be between them.
+            let is_between = value.is_some_and(|it| it.fract() > 0.0);
+            let digits = digits.max(usize::from(is_between));
+            value.map_or_else(String::new, |it| figure(it, digits))
+        };
+        let (worst, median) = (text(worst.copied()), text(median(&values)));
+        (name, worst, median, accepted.to_owned())
     };
     vec![
         line(
@@ -369,6 +374,21 @@ mod tests {
         for row in [seen, touching, lost, silent, astray] {
             assert!(row.broke_rule() || !row.is_complete());
         }
+    }
+
+    #[test]
+    fn median_of_two_patrols_is_in_their_middle() {
+        let clear = |seed, clearance_m| Row {
+            clearance_m,
+            ..row(seed)
+        };
+        let campaign = Campaign {
+            undisturbed_s: 80.0,
+            rows: vec![clear(1, 0.2), clear(2, 0.4)],
+        };
+        let lines = lines(&campaign);
+        let clearance = lines.iter().find(|line| line.0 == "clearance m").unwrap();
+        assert_eq!((&*clearance.1, &*clearance.2), ("0.20", "0.30"));
     }
 
     #[test]

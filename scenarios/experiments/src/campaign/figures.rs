@@ -41,7 +41,7 @@ pub const FIGURES: [Figure; 17] = [
         short: "drones\nfinished",
         unit: "",
         about: "Drones that flew the mission to its end. Others stayed on the ground, landed early or were lost.",
-        digits: 0,
+        digits: 1,
         scope: Scope::Unbroken,
         of: |row| Some(count(row.finished)),
     },

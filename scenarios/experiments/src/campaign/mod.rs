@@ -29,7 +29,7 @@ pub use row::Row;
 pub use run::{JOBS_MAX, Progress, RUN_LIMIT, RunOptions, run};
 pub use seeds::Seeds;
 pub use shard::Shard;
-pub use statistics::{Estimate, interval_ranks};
+pub use statistics::{Estimate, interval_ranks, median, p99};
 pub use summary::{BrokenRun, Summary};
 pub use table::table;
 

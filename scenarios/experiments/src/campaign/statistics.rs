@@ -5,17 +5,33 @@ pub(super) const CONFIDENCE: f64 = 0.95;
 
 /// Maximum number of values kept for plots.
 const DRAWN_MAX: usize = 60;
+/// Below this many values, the 99th percentile would be the largest.
+const P99_FROM: usize = 100;
+
+/// Median of a sample in ascending order: the middle value, or the mean of the two middle values; `None` for an empty one.
+#[must_use]
+pub fn median(sorted: &[f64]) -> Option<f64> {
+    let last = sorted.len().checked_sub(1)?;
+    Some(f64::midpoint(sorted[last / 2], sorted[sorted.len() / 2]))
+}
+
+/// 99th percentile (nearest rank) of a sample in ascending order; `None` below 100 values, where it would be the largest.
+#[must_use]
+pub fn p99(sorted: &[f64]) -> Option<f64> {
+    let number = sorted.len();
+    (number >= P99_FROM).then(|| sorted[(number * 99).div_ceil(100) - 1])
+}
 
 /// Statistics of a sample.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Estimate {
     /// Number of values, at least one.
     pub n: usize,
-    /// Middle value, or the mean of the two middle values.
+    /// As [`median`].
     pub median: f64,
     /// Interval that contains the median of the distribution with at least 95 % confidence; `None` below six values.
     pub interval: Option<(f64, f64)>,
-    /// 99th percentile (nearest rank); `None` below 100 values, where it would be the largest.
+    /// As [`p99`].
     pub p99: Option<f64>,
     /// The sample in ascending order, or evenly ranked values of it with both ends.
     pub drawn: Vec<f64>,
@@ -33,9 +49,9 @@ impl Estimate {
         let drawn = number.min(DRAWN_MAX);
         Some(Self {
             n: number,
-            median: f64::midpoint(sample[last / 2], sample[number / 2]),
+            median: median(&sample)?,
             interval,
-            p99: (number >= 100).then(|| sample[(number * 99).div_ceil(100) - 1]),
+            p99: p99(&sample),
             drawn: (0..drawn)
                 .map(|place| sample[place * last / (drawn - 1).max(1)])
                 .collect(),

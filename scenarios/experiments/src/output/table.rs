@@ -11,6 +11,7 @@ use muster_scenarios::report::{
 
 use super::figures::{final_state, speedup_text};
 use super::{agents, mission};
+use crate::campaign::{median, p99};
 
 /// Up to this many elections are listed one by one; more are summarized.
 const LISTED_ELECTIONS_MAX: usize = 10;
@@ -287,15 +288,18 @@ fn describe_elections(elections: &[Election]) -> [(&'static str, String); 3] {
         let Some(longest_s) = times_s.last() else {
             return "never".to_owned();
         };
-        // Nearest rank.
-        let percentile_s = |percent: usize| times_s[(times_s.len() * percent).div_ceil(100) - 1];
-        format!(
-            "{} of {}: median {:.3} s, 99th percentile {:.3} s, longest {longest_s:.3} s",
-            times_s.len(),
-            elections.len(),
-            percentile_s(50),
-            percentile_s(99),
-        )
+        let figures = [
+            ("median", median(&times_s)),
+            ("99th percentile", p99(&times_s)),
+        ];
+        let figures = figures
+            .into_iter()
+            .filter_map(|(name, time_s)| Some((name, time_s?)));
+        let figures = figures.chain([("longest", *longest_s)]);
+        let figures = figures.map(|(name, time_s)| format!("{name} {time_s:.3} s"));
+        let figures: Vec<_> = figures.collect();
+        let (ended, all) = (times_s.len(), elections.len());
+        format!("{ended} of {all}: {}", figures.join(", "))
     };
     [
         (
