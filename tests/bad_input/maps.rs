@@ -175,22 +175,23 @@ fn zones_that_close_the_way_are_named() {
 fn drones_without_a_stop_are_counted() {
     let plan = "resolution: 0.5\nplan: |\n  #####\n  #...#\n  #####\n";
     let folder = folder(plan, IMAGE);
-    let cover = |drones: &str| {
+    let cover = |drones: &str, name: &str| {
         let cover = ["map", "cover", "floor.yaml", "--drones", drones];
         let (code, [output, error]) = folder.muster(&cover);
         assert_eq!(code, Some(0), "{error}");
-        (
-            output,
-            fs::read_to_string(folder.path("runs/floor-cover.html")).unwrap(),
-        )
+        (output, fs::read_to_string(folder.path(name)).unwrap())
     };
-    let (output, page) = cover("3");
+    let (output, page) = cover("3", "runs/floor-cover.html");
     let idle = "2 drones have nothing to do; --drones 1 is enough";
     contains(&output, &[idle]).unwrap();
     contains(&page, &["2 drones without a stop: fewer are enough."]).unwrap();
-    let (output, page) = cover("1");
+    let first = page;
+    let (output, page) = cover("1", "runs/floor-cover-2.html");
     assert!(!output.contains("nothing to do"), "{output}");
     assert!(!page.contains("without a stop"));
+    let (_, again) = cover("3", "runs/floor-cover.html");
+    assert_eq!(again, first, "the same page keeps its file");
+    assert!(!folder.path("runs/floor-cover-3.html").exists());
 }
 
 #[test]

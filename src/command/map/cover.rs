@@ -10,6 +10,7 @@ use muster_indoor_world::world::LIMITS;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::text::{figure, plural};
 
+use super::place::PageFile;
 use super::{path, place};
 use crate::command::{Failure, Outcome, terminal};
 
@@ -41,7 +42,7 @@ pub(super) struct Arguments {
     /// Distance to keep from walls, in metres
     #[arg(long, value_name = "METRES", value_parser = path::radius, allow_negative_numbers = true, default_value_t = LIMITS.radius_m)]
     radius: f64,
-    /// Page to write [default: runs/MAP-cover.html]
+    /// Page to write [default: runs/MAP-cover.html, with -2, -3, … appended if another page has the name]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -58,7 +59,7 @@ fn range(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (name, map) = place::map(&arguments.map)?;
-    let file = place::page_file(arguments.out.as_deref(), &name, "cover")?;
+    let file = PageFile::new(arguments.out.as_deref(), &name, "cover")?;
     let floor = Floor::new(map, arguments.radius);
     let start = arguments.start.or_else(|| middle(&floor));
     let start = start.ok_or_else(|| {
@@ -78,7 +79,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     })?;
     let paths: Vec<Vec<MapXy>> = tours.iter().map(|tour| flown(&floor, tour)).collect();
     let page = page::cover(&name, floor.map(), &tours, &paths, &places);
-    place::write(&file, &page)?;
+    let file = file.write(&page)?;
     let (visible, all) = (places.visible().len(), places.targets().len());
     let mut text = format!(
         " {} % of the free floor can be seen from {:.2}, {:.2} on\n",

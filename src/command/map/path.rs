@@ -9,7 +9,7 @@ use muster_indoor_world::world::LIMITS;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::text::{figure, plural};
 
-use super::place;
+use super::place::{self, PageFile};
 use crate::command::{Failure, Outcome, terminal};
 
 /// Find the path between two places of a map, and draw it.
@@ -32,7 +32,7 @@ pub(super) struct Arguments {
     /// Distance to keep from walls, in metres
     #[arg(long, value_name = "METRES", value_parser = radius, allow_negative_numbers = true, default_value_t = LIMITS.radius_m)]
     radius: f64,
-    /// Page to write [default: runs/MAP-path.html]
+    /// Page to write [default: runs/MAP-path.html, with -2, -3, … appended if another page has the name]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -43,12 +43,12 @@ pub(super) fn radius(text: &str) -> Result<f64, String> {
 
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (name, map) = place::map(&arguments.map)?;
-    let file = place::page_file(arguments.out.as_deref(), &name, "path")?;
+    let file = PageFile::new(arguments.out.as_deref(), &name, "path")?;
     let floor = Floor::new(map, arguments.radius);
     let path = find(arguments, &floor)?;
     let length_m: f64 = path.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
     let page = page::path(&name, floor.map(), arguments.radius, &path);
-    place::write(&file, &page)?;
+    let file = file.write(&page)?;
     let legs = plural(path.len().saturating_sub(1), "straight leg");
     let mut text = format!(" {} m in {legs}\n", figure(length_m, 1));
     for corner in &path {

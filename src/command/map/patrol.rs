@@ -11,7 +11,7 @@ use muster_indoor_world::world::{Failing, Prepared, Setup};
 use muster_indoor_world::{engine, page};
 use muster_runtime::diagnostic::BadInput;
 
-use super::place;
+use super::place::PageFile;
 use crate::command::campaign::jobs;
 use crate::command::{Failure, Outcome, terminal};
 
@@ -39,7 +39,7 @@ pub(super) struct Arguments {
     /// Number of parallel patrols [default: one per core]
     #[arg(long, value_name = "N", value_parser = jobs, allow_negative_numbers = true)]
     jobs: Option<NonZeroUsize>,
-    /// Page to write [default: runs/FLAT-patrol.html]
+    /// Page to write [default: runs/FLAT-patrol.html, with -2, -3, … appended if another page has the name]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
 }
@@ -94,7 +94,7 @@ fn check_sonars(arguments: &Arguments) -> Result<(), BadInput> {
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     check_sonars(arguments)?;
     let flat = Flat::read(&arguments.flat)?;
-    let file = place::page_file(arguments.out.as_deref(), &flat.name, "patrol")?;
+    let file = PageFile::new(arguments.out.as_deref(), &flat.name, "patrol")?;
     let prepared = Prepared::new(flat, Method::default()).map_err(|error| {
         let help = "`start` takes a place that is clear of walls";
         BadInput::without_excerpt(&arguments.flat, error, help)
@@ -125,7 +125,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         },
     );
     let page = page::patrol(&prepared, &campaign, &first, &command(arguments));
-    place::write(&file, &page)?;
+    let file = file.write(&page)?;
     let text = format!(
         "{}\n wrote {}\n",
         campaign::table(&campaign),

@@ -1,5 +1,6 @@
 //! Arguments and files that the commands on maps share: maps by name or path, places, pages.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -41,17 +42,47 @@ pub(super) fn map(named: &Path) -> Result<(String, Arc<Map>), BadInput> {
     Ok((name.into_owned(), Arc::new(map_file::load(named)?)))
 }
 
-/// The file for a page: the one that was asked for, or `runs/NAME-WHAT.html`. Refuses a file that can't be written.
-pub(super) fn page_file(out: Option<&Path>, name: &str, what: &str) -> Result<PathBuf, BadInput> {
-    let default = || Path::new("runs").join(format!("{name}-{what}.html"));
-    let path = out.map_or_else(default, Path::to_path_buf);
-    folder::check_file(&path)?;
-    Ok(path)
+/// Most numbers that are tried.
+const NUMBERS_MAX: u32 = 100_000;
+
+/// The file for a page: the one that was asked for, or the first of `runs/NAME-WHAT.html`, `-2.html`, … that is free.
+pub(super) struct PageFile {
+    out: Option<PathBuf>,
+    stem: String,
 }
 
-/// Writes a page. A link stays, and what it points to is written.
-pub(super) fn write(file: &Path, page: &str) -> Result<(), Failure> {
-    let target = file.canonicalize();
-    let target = target.as_deref().unwrap_or(file);
-    Ok(output::write_file(target, page.as_bytes())?)
+impl PageFile {
+    /// Refuses a file that can't be written.
+    pub(super) fn new(out: Option<&Path>, name: &str, what: &str) -> Result<Self, BadInput> {
+        let stem = format!("{name}-{what}");
+        folder::check_file(out.unwrap_or(&in_runs(&stem)))?;
+        let out = out.map(Path::to_path_buf);
+        Ok(Self { out, stem })
+    }
+
+    /// Writes a page; returns its path. A link stays, and what it points to is written.
+    pub(super) fn write(self, page: &str) -> Result<PathBuf, Failure> {
+        let file = self.out.unwrap_or_else(|| numbered(&self.stem, page));
+        let target = file.canonicalize();
+        let target = target.as_deref().unwrap_or(&file);
+        output::write_file(target, page.as_bytes())?;
+        Ok(file)
+    }
+}
+
+fn in_runs(stem: &str) -> PathBuf {
+    Path::new("runs").join(format!("{stem}.html"))
+}
+
+/// The first file of this name, with -2, -3, … appended, that does not exist or has this page.
+fn numbered(stem: &str, page: &str) -> PathBuf {
+    let names = (2..=NUMBERS_MAX).map(|number| format!("{stem}-{number}"));
+    let mut files = std::iter::once(stem.to_owned())
+        .chain(names)
+        .map(|it| in_runs(&it));
+    let is_usable = |file: &PathBuf| match fs::read(file) {
+        Ok(existing) => existing == page.as_bytes(),
+        Err(_) => file.symlink_metadata().is_err(),
+    };
+    files.find(is_usable).unwrap_or_else(|| in_runs(stem))
 }
