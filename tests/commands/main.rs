@@ -10,6 +10,7 @@ mod fc;
 mod figures;
 mod keys;
 mod list;
+mod map;
 mod sim;
 mod simulated_controller;
 mod support;

@@ -8,6 +8,7 @@ pub mod engine;
 mod failing;
 pub mod flat;
 pub mod page;
+pub mod patrols;
 mod people;
 mod robot;
 mod rule;

@@ -1,3 +1,4 @@
+use std::io;
 use std::num::NonZeroUsize;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -7,6 +8,7 @@ use muster_experiments::campaign::Seeds;
 use muster_indoor::avoidance::Method;
 use muster_indoor_world::campaign::{self, Row};
 use muster_indoor_world::flat::Flat;
+use muster_indoor_world::patrols::Patrols;
 use muster_indoor_world::world::{Failing, Prepared, Setup};
 use muster_indoor_world::{engine, page};
 use muster_runtime::diagnostic::BadInput;
@@ -24,6 +26,7 @@ use crate::command::{Failure, Outcome, terminal};
 #[command(after_help = "Examples:
   muster map patrol flat --seeds 0..4
   muster map patrol flat --seeds 7..=7 --fail 2=dead,0=stuck
+  muster map patrol flat --seeds 0..4 --json | jq '.patrols[].clearance_m'
 
 Exit code 3 if a drone touched something or moved where no sonar looks; 4 if a patrol is incomplete.")]
 pub(super) struct Arguments {
@@ -39,6 +42,9 @@ pub(super) struct Arguments {
     /// Number of parallel patrols [default: one per core]
     #[arg(long, value_name = "N", value_parser = jobs, allow_negative_numbers = true)]
     jobs: Option<NonZeroUsize>,
+    /// Print the patrols as one JSON object instead of the table.
+    #[arg(long)]
+    json: bool,
     /// Page to write [default: runs/FLAT-patrol.html, with -2, -3, … appended if another page has the name]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
@@ -126,12 +132,14 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     );
     let page = page::patrol(&prepared, &campaign, &first, &command(arguments));
     let file = file.write(&page)?;
-    let text = format!(
-        "{}\n wrote {}\n",
-        campaign::table(&campaign),
-        file.display()
-    );
-    terminal::print(&text)?;
+    if arguments.json {
+        let patrols = Patrols::of(&prepared.flat.name, &campaign);
+        let json = serde_json::to_string(&patrols).map_err(io::Error::from)?;
+        terminal::print(&format!("{json}\n"))?;
+    } else {
+        let table = campaign::table(&campaign);
+        terminal::print(&format!("{table}\n wrote {}\n", file.display()))?;
+    }
     Ok(if campaign.rows.iter().any(Row::broke_rule) {
         Outcome::RuleBroken
     } else if campaign.rows.iter().all(Row::is_complete) {
