@@ -40,7 +40,7 @@ pub(crate) struct Arguments {
     /// Random seeds of each combination: A..B excludes B, A..=B includes it.
     #[arg(long, value_name = "A..B", allow_hyphen_values = true)]
     seeds: Seeds,
-    /// Vary a field over several values, for example radio.loss=0,0.1; may be repeated for all combinations.
+    /// Vary a field over several values, for example radio.loss=0,0.1 or faults=[],[{...}]; may be repeated for all combinations.
     #[arg(long, value_name = "KEY=V1,V2,…")]
     vary: Vec<Variation>,
     /// Set a field of the scenario in every run, for example radio.range_m=250; may be repeated.

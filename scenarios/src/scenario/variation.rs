@@ -1,6 +1,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use toml::Value;
+
 use super::Override;
 
 /// A field of a scenario and the values that it takes in turn: at least one, without duplicates.
@@ -21,8 +23,12 @@ impl Variation {
                 return Err(format!("`{key}` has an empty value; use key=value,value"));
             }
             let value: Override = format!("{key}={value}").parse()?;
-            if values.contains(&value) {
-                return Err(format!("`{key}` has the value {} twice", value.value()));
+            if let Some(earlier) = values.iter().find(|it| is_same(it.value(), value.value())) {
+                let (earlier, value) = (earlier.value(), value.value());
+                return Err(match earlier == value {
+                    true => format!("`{key}` has the value {value} twice"),
+                    false => format!("`{key}` has the value {value} twice: {earlier} is the same"),
+                });
             }
             values.push(value);
         }
@@ -65,13 +71,79 @@ impl fmt::Display for Variation {
 impl FromStr for Variation {
     type Err = String;
 
-    /// Parses `key=v1,v2,…`. The key includes its table; a value has no comma.
+    /// Parses `key=v1,v2,…`. The key includes its table. A comma within brackets, braces or quotes belongs to its value.
     fn from_str(text: &str) -> Result<Self, String> {
         let (key, list) = text.split_once('=').ok_or_else(|| {
             format!("`{text}` has no `=`; use key=value,value, as in radio.loss=0,0.1")
         })?;
-        let values: Vec<_> = list.split(',').map(str::trim).collect();
+        let values = split(list).map_err(|open| {
+            format!("`{text}` has an unclosed {open}; use key=value,value, as in relays=[],[{{ north_m = 1 }}]")
+        })?;
         Self::new(key, &values)
+    }
+}
+
+/// The values between the commas that are not within brackets, braces or quotes. A value that does not begin with one of
+/// these has none: it is a number or a name. `Err` is what is not closed.
+fn split(list: &str) -> Result<Vec<&str>, char> {
+    let mut values = Vec::new();
+    let (mut from, mut quote, mut is_escaped) = (0, None, false);
+    let mut open: Vec<char> = Vec::new();
+    for (at, c) in list.char_indices() {
+        if let Some(end) = quote {
+            let is_end = c == end && !is_escaped;
+            is_escaped = c == '\\' && end == '"' && !is_escaped;
+            if is_end {
+                quote = None;
+            }
+            continue;
+        }
+        let may_open = !open.is_empty() || list[from..at].trim().is_empty();
+        match c {
+            '"' | '\'' if may_open => quote = Some(c),
+            '[' | '{' if may_open => open.push(c),
+            ']' | '}' => {
+                open.pop();
+            }
+            ',' if open.is_empty() => {
+                values.push(list[from..at].trim());
+                from = at + 1;
+            }
+            _ => {}
+        }
+    }
+    if let Some(unclosed) = quote.or(open.pop()) {
+        return Err(unclosed);
+    }
+    values.push(list[from..].trim());
+    Ok(values)
+}
+
+/// Whether two texts are the same value of a field: 0.1 and 0.10, or 1 and 1.0.
+fn is_same(a: &str, b: &str) -> bool {
+    let value = |text: &str| {
+        let table: Option<toml::Table> = toml::from_str(&format!("value = {text}")).ok();
+        let value = table.and_then(|mut it| it.remove("value"));
+        value.unwrap_or_else(|| Value::String(text.to_owned()))
+    };
+    are_equal(&value(a), &value(b))
+}
+
+fn are_equal(a: &Value, b: &Value) -> bool {
+    match (a, b) {
+        (Value::Array(a), Value::Array(b)) => {
+            a.len() == b.len() && a.iter().zip(b).all(|(a, b)| are_equal(a, b))
+        }
+        (Value::Table(a), Value::Table(b)) => {
+            let is_in_b = |(key, a): (&String, &Value)| b.get(key).is_some_and(|b| are_equal(a, b));
+            a.len() == b.len() && a.iter().all(is_in_b)
+        }
+        (Value::Float(a), Value::Float(b)) => (a + 0.0).total_cmp(&(b + 0.0)).is_eq(),
+        (Value::Float(float), Value::Integer(whole))
+        | (Value::Integer(whole), Value::Float(float)) => {
+            whole.to_string() == (float + 0.0).to_string()
+        }
+        (a, b) => a == b,
     }
 }
 
@@ -94,6 +166,44 @@ mod tests {
         assert_eq!(variation.values()[1].to_string(), format!("relays={relay}"));
         let none: [&str; 0] = [];
         assert!(Variation::new("relays", &none).is_err());
+    }
+
+    #[test]
+    fn commas_within_brackets_braces_and_quotes_belong_to_the_value() {
+        let values = |text: &str| {
+            let variation: Variation = text.parse().unwrap();
+            assert_eq!(variation.to_string().parse(), Ok(variation.clone()));
+            let values = variation.values().iter();
+            values.map(|it| it.value().to_owned()).collect::<Vec<_>>()
+        };
+        let relay = "[{ north_m = 1, east_m = 2 }, { north_m = 3, east_m = 4 }]";
+        assert_eq!(values(&format!("relays=[], {relay}")), ["[]", relay]);
+        assert_eq!(
+            values(r#"mission.file="a, b.plan",'c,d',it's.plan,x[1].plan"#),
+            [r#""a, b.plan""#, "'c,d'", "it's.plan", "x[1].plan"]
+        );
+        let escaped = r#"["a\",b", "c"]"#;
+        assert_eq!(values(&format!("faults={escaped},[]")), [escaped, "[]"]);
+        for text in ["relays=[],[1", r#"mission.file="a,b"#, "faults=[{ a = 1 ]"] {
+            let refused = text.parse::<Variation>().unwrap_err();
+            assert!(refused.contains("unclosed"), "{text}: {refused}");
+        }
+    }
+
+    #[test]
+    fn value_is_there_twice_in_whichever_way_it_is_written() {
+        for text in [
+            "radio.loss=0.1,0.10",
+            "radio.loss=1,1.0",
+            "radio.loss=0,-0.0",
+            "radio.loss=0.1,1e-1",
+            "mission.file=river,\"river\"",
+            "relays=[{ north_m = 1, east_m = 2 }],[{ east_m = 2.0, north_m = 1 }]",
+        ] {
+            let refused = text.parse::<Variation>().unwrap_err();
+            assert!(refused.contains("twice: "), "{text}: {refused}");
+        }
+        assert!("radio.loss=0.1,0.2".parse::<Variation>().is_ok());
     }
 
     #[test]
