@@ -12,6 +12,8 @@ pub(crate) const UP_LOSS_MAX: f64 = 0.4;
 /// It is down if it loses at least this share either way; in between it is grey. Grey links count, since a drone may hear
 /// its master now and then over several links that each lose most frames.
 const DOWN_LOSS_MIN: f64 = 0.999;
+/// The loss of a link that is grey because its frames are late.
+const GREY_LOSS: f64 = 0.9;
 
 /// Up to this many members, a segment's diameter is computed exactly, by a search from each.
 const EXACT_DIAMETER_MAX: usize = 256;
@@ -82,11 +84,17 @@ impl Link {
         matches!(self.state, LinkState::OneWay(_))
     }
 
-    /// All links of a medium at present; `corrupted` is the share of a sender's frames that are altered on their way.
-    pub(crate) fn all(medium: &mut Medium, corrupted: impl Fn(NodeId) -> f64) -> Vec<Self> {
+    /// All links of a medium at present; `spoilt` has the shares of a sender's frames that are altered on their way, and that are
+    /// late. A link with many late frames is grey, not down: what arrives late may still be believed.
+    pub(crate) fn all(medium: &mut Medium, spoilt: impl Fn(NodeId) -> [f64; 2]) -> Vec<Self> {
         let mut links = Vec::new();
         medium.each_link(|a, b, [forward, backward]| {
-            let lost = |from, loss: f64| 1.0 - (1.0 - loss) * (1.0 - corrupted(from));
+            let lost = |from, loss: f64| {
+                let [altered, late] = spoilt(from);
+                let lost = 1.0 - (1.0 - loss) * (1.0 - altered);
+                let unheard_in_time = 1.0 - (1.0 - lost) * (1.0 - late);
+                lost.max(unheard_in_time.min(GREY_LOSS))
+            };
             links.extend(Self::between(a, b, [lost(a, forward), lost(b, backward)]));
         });
         links

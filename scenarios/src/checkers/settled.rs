@@ -130,6 +130,7 @@ mod tests {
         hop: Duration::from_secs(1),
         retransmission: Duration::from_secs(1),
         hops_max: None,
+        tolerated_delay: Duration::MAX,
     });
 
     fn under(term: u32, master: u32) -> MemberState {

@@ -163,6 +163,16 @@ pub enum Distortion {
     Reorder(Duration),
 }
 
+impl Distortion {
+    /// The longest delay of a frame; `None` if frames are not delayed.
+    pub(crate) const fn delay_max(self) -> Option<Duration> {
+        match self {
+            Self::Delay(by) | Self::Reorder(by) => Some(by),
+            Self::Corrupt | Self::Duplicate => None,
+        }
+    }
+}
+
 /// The links from each drone of one group to each of another.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Links {

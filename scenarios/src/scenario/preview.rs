@@ -162,7 +162,7 @@ impl Scenario {
         let mut medium = Medium::new(self.radio, ChaCha8Rng::seed_from_u64(0), places);
         let mut segments = Segments::default();
         let live = vec![Some(0); places.len()];
-        segments.look(Timestamp::ZERO, live, Link::all(&mut medium, |_| 0.0));
+        segments.look(Timestamp::ZERO, live, Link::all(&mut medium, |_| [0.0; 2]));
         segments
     }
 

@@ -28,6 +28,8 @@ pub struct Settling {
     /// Policy `flood` has a limit: each hop forwards only the newest heartbeat that it has received, so that fewer arrive per
     /// hop, with longer pauses.
     pub hops_max: Option<u32>,
+    /// Longest delay of a frame that the protocol puts up with; a link with longer ones counts as grey.
+    pub tolerated_delay: Duration,
 }
 
 /// Accepted probability that a frame is not received within the retransmission time, or that a drone misses a live master; as
@@ -67,6 +69,7 @@ impl Settling {
             hop: routing.hop_latency() + travel,
             retransmission: turn * 2 * losses.tries(turn),
             hops_max,
+            tolerated_delay: routing.tolerated_delay(),
         }
     }
 

@@ -1,5 +1,7 @@
 //! Frames in the air: sent, tampered with, and scheduled to arrive.
 
+use std::time::Duration;
+
 use bytes::Bytes;
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
@@ -223,12 +225,15 @@ impl Air {
     }
 
     /// Begins to tamper with frames, by the number of the fault.
-    pub(super) fn tamper(&mut self, fault: usize, tampered: Tampered) {
+    pub(super) fn tamper(&mut self, core: &mut Core, fault: usize, tampered: Tampered) {
         self.tampering.begin(fault, tampered);
+        timing_changed(core, tampered);
     }
 
-    pub(super) fn stop_tampering(&mut self, fault: usize) {
-        self.tampering.end(fault);
+    pub(super) fn stop_tampering(&mut self, core: &mut Core, fault: usize) {
+        if let Some(tampered) = self.tampering.end(fault) {
+            timing_changed(core, tampered);
+        }
     }
 
     /// Sets the position of a radio.
@@ -246,13 +251,24 @@ impl Air {
         self.medium.changes()
     }
 
-    /// All links that are up or grey.
-    pub(super) fn links(&mut self) -> Vec<segments::Link> {
-        segments::Link::all(&mut self.medium, |from| self.tampering.corrupted(from))
+    /// All links that are up or grey. Frames that are later by more than `tolerated` are as good as lost.
+    pub(super) fn links(&mut self, tolerated: Duration) -> Vec<segments::Link> {
+        let tampering = &self.tampering;
+        segments::Link::all(&mut self.medium, |from| {
+            [tampering.corrupted(from), tampering.late(from, tolerated)]
+        })
     }
 
     pub(super) fn counters(&self) -> Counters {
         self.medium.counters()
+    }
+}
+
+/// A delay has begun or ended: until the first late frame arrives, its sender is silent.
+fn timing_changed(core: &mut Core, tampered: Tampered) {
+    if tampered.how.delay_max().is_some() {
+        let now = core.now();
+        core.swarms.delays_changed(now, tampered.from);
     }
 }
 

@@ -66,7 +66,7 @@ impl LinkWatch {
             .map(NodeId)
             .map(|id| activity(id, core.swarms.of(id), processes))
             .collect();
-        let links = air.links();
+        let links = air.links(core.swarms.tolerated_delay());
         for swarm in core.swarms.iter_mut() {
             let mut own = live.clone();
             for (id, live) in (0..).map(NodeId).zip(&mut own) {

@@ -298,7 +298,7 @@ impl Scene {
             }
             FaultKind::Links(links, link) => self.air.set_links(core, links, *link),
             FaultKind::Jam { centre, radius_m } => self.air.jam(index, *centre, *radius_m),
-            FaultKind::Tamper(tampered) => self.air.tamper(index, *tampered),
+            FaultKind::Tamper(tampered) => self.air.tamper(core, index, *tampered),
         }
         if let Some(lasts) = fault.duration {
             core.schedule_after(lasts, Event::FaultOver { index });
@@ -347,7 +347,7 @@ impl Scene {
                     .set_links(&mut self.core, &links, LinkFault::Healed);
             }
             FaultKind::Jam { .. } => self.air.stop_jamming(index),
-            FaultKind::Tamper(_) => self.air.stop_tampering(index),
+            FaultKind::Tamper(_) => self.air.stop_tampering(&mut self.core, index),
         }
         self.check_elections();
     }

@@ -221,6 +221,25 @@ impl Swarms {
         }
     }
 
+    /// Frames of a drone, or of all, arrive later or no longer so.
+    pub(super) fn delays_changed(&mut self, now: Timestamp, from: Option<NodeId>) {
+        let nodes = self.nodes();
+        for swarm in &mut self.0 {
+            let ids = (0..nodes).map(NodeId);
+            let ids = ids.filter(|id| from.is_none_or(|it| it == *id));
+            swarm.segments.links_changed(now, ids);
+        }
+    }
+
+    /// The longest delay of frames that all swarms put up with.
+    pub(super) fn tolerated_delay(&self) -> Duration {
+        let tolerated = self
+            .0
+            .iter()
+            .map(|it| it.settled.settling().tolerated_delay);
+        tolerated.min().unwrap_or_default()
+    }
+
     /// The recorders of all swarms, with the number of drones and relays of each.
     pub(super) fn finish(self) -> impl Iterator<Item = (Recorder, usize)> {
         let swarms = self.0.into_iter();

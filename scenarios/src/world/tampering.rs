@@ -60,8 +60,9 @@ impl Tampering {
         self.active.insert(fault, tampered);
     }
 
-    pub(super) fn end(&mut self, fault: usize) {
-        self.active.remove(&fault);
+    /// Ends a distortion; returns it.
+    pub(super) fn end(&mut self, fault: usize) -> Option<Tampered> {
+        self.active.remove(&fault)
     }
 
     /// Whether no frame is altered or recorded.
@@ -71,13 +72,22 @@ impl Tampering {
 
     /// The share of a drone's frames that are altered, 0 to 1.
     pub(super) fn corrupted(&self, from: NodeId) -> f64 {
-        let corrupts =
-            |it: &&Tampered| it.how == Distortion::Corrupt && it.from.is_none_or(|it| it == from);
+        self.share(from, |how| how == Distortion::Corrupt)
+    }
+
+    /// The share of a drone's frames that may arrive later than they would by more than this, 0 to 1.
+    pub(super) fn late(&self, from: NodeId, tolerated: Duration) -> f64 {
+        self.share(from, |how| how.delay_max().is_some_and(|by| by > tolerated))
+    }
+
+    /// The share of a drone's frames that distortions of these kinds affect.
+    fn share(&self, from: NodeId, affects: impl Fn(Distortion) -> bool) -> f64 {
+        let affects = |it: &&Tampered| affects(it.how) && it.from.is_none_or(|it| it == from);
         let intact = |it: &Tampered| 1.0 - it.share;
         1.0 - self
             .active
             .values()
-            .filter(corrupts)
+            .filter(affects)
             .map(intact)
             .product::<f64>()
     }

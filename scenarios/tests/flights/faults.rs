@@ -212,3 +212,35 @@ fn deadlines_of_a_drone_are_checked_by_its_own_clock() {
         }
     }
 }
+
+#[test]
+fn delays_of_any_length_break_no_rule() {
+    // Drones hear each other late, or not in time, and may lead segments of their own.
+    for delayed in [
+        r#"kind = "delay", from = "all", by_ms = 300"#,
+        r#"kind = "delay", from = "all", by_ms = 60"#,
+        r#"kind = "delay", from = "all", by_ms = 2500, for_s = 30"#,
+        r#"kind = "delay", from = 2, by_ms = 300, share = 0.5"#,
+        r#"kind = "reorder", from = "all", by_ms = 300"#,
+    ] {
+        for (policy, seed) in [("tree", 1), ("tree", 2), ("flood", 1)] {
+            let fields = [
+                format!("faults=[{{ at_s = 60, {delayed} }}]"),
+                format!("protocol.policy={policy}"),
+                format!("seed={seed}"),
+                "protocol.parameters=fast".to_owned(),
+                "protocol.liveness=heartbeat".to_owned(),
+                "formation.kind=linear".to_owned(),
+                "formation.drones=6".to_owned(),
+                "formation.spacing_m=30".to_owned(),
+                "mission.file=field".to_owned(),
+                "radio.range_m=100".to_owned(),
+                "radio.medium=csma".to_owned(),
+                "radio.model=nakagami".to_owned(),
+            ];
+            let fields: Vec<_> = fields.iter().map(String::as_str).collect();
+            let report = fly(&scenario("thesis-1.toml", &fields), Engine::Events);
+            assert_eq!(report.violations, [], "{policy}, seed {seed}: {delayed}");
+        }
+    }
+}

@@ -67,6 +67,16 @@ impl Config {
         }
     }
 
+    /// Longest delay of a frame that drones put up with: the period of heartbeats. A neighbour has to answer probes, and to
+    /// acknowledge, within a few of them.
+    #[must_use]
+    pub const fn tolerated_delay(&self) -> Duration {
+        match self {
+            Self::Flood(config) => config.period,
+            Self::Tree(config) => config.heartbeat_period,
+        }
+    }
+
     /// Number of send periods without a newer heartbeat after which the master counts as silent; each hop adds up to
     /// one period. `None` for policy `tree`, which probes the parent instead.
     #[must_use]
