@@ -76,10 +76,10 @@ fn describe(file: &Path, arguments: &Arguments) -> Result<String, BadInput> {
 
 fn check_scenario(file: &Path, overrides: &[Override]) -> Result<Checked, BadInput> {
     let scenario = scenario::load(file, overrides)?;
-    let mut notes = scenario.plan.notes.clone();
+    let mut notes = scenario.notes();
     for (swarm, _) in &scenario.others {
         let of_swarm = |note: &String| format!("{}: {note}", swarm.name);
-        notes.extend(swarm.plan.notes.iter().map(of_swarm));
+        notes.extend(swarm.notes().iter().map(of_swarm));
     }
     let mut lines = vec![scenario.description()];
     lines.extend(scenario.preview());

@@ -4,6 +4,7 @@ mod exposure;
 mod fault;
 mod faults;
 mod load;
+mod notes;
 mod preview;
 mod settling;
 mod shipped;

@@ -143,7 +143,7 @@ impl Scenario {
 impl Scenario {
     /// How long the flight takes if nothing goes wrong, from take-off to the ground. An estimate: vehicles stop at each
     /// waypoint, and what the protocol takes there is left out.
-    fn expected(&self) -> Duration {
+    pub(super) fn expected(&self) -> Duration {
         let plan = &self.plan;
         let home = plan.waypoints[0];
         let last = plan.changes.last().map_or(&*plan.layout, Change::layout);
