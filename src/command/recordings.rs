@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use muster_experiments::output::{Recording, WriteError};
+use muster_experiments::output::{REPORT_HTML, REPORT_JSON, Recording, TRACKS_CSV, WriteError};
 use muster_runtime::diagnostic::BadInput;
 use muster_scenarios::report::{Flight, Report};
 
@@ -31,9 +31,11 @@ impl Recordings {
         all.filter_map(|(recording, path)| Some((recording, path.as_deref()?)))
     }
 
-    /// Refuses files that can't be written, before a run starts, and a file for two recordings.
-    pub(crate) fn check(&self) -> Result<(), BadInput> {
-        let mut seen: Vec<&Path> = Vec::new();
+    /// Refuses files that can't be written, before a run starts, and a file for two recordings, or for one and the report in
+    /// the folder `out`.
+    pub(crate) fn check(&self, out: &Path) -> Result<(), BadInput> {
+        let report = [REPORT_HTML, REPORT_JSON, TRACKS_CSV].map(|name| whole(&out.join(name)));
+        let mut seen: Vec<PathBuf> = Vec::new();
         for (recording, path) in self.paths() {
             let help = format!("--{recording} takes the path of a file in an existing folder");
             let refuse = |at: &Path, what: &str| BadInput::without_excerpt(at, what, help.clone());
@@ -43,8 +45,12 @@ impl Recordings {
             if path.exists() && !path.is_file() {
                 return Err(refuse(path, "is not a file but a device or a pipe"));
             }
-            if seen.contains(&path) {
+            let whole = whole(path);
+            if seen.contains(&whole) {
                 return Err(refuse(path, "is given for two recordings"));
+            }
+            if report.contains(&whole) {
+                return Err(refuse(path, "is a file of the report in --out"));
             }
             let folder = path.parent().filter(|it| *it != Path::new(""));
             let folder = folder.unwrap_or(Path::new("."));
@@ -55,7 +61,7 @@ impl Recordings {
                 let what = format!("can't be written to: {error}");
                 BadInput::without_excerpt(folder, what, help.clone())
             })?;
-            seen.push(path);
+            seen.push(whole);
         }
         Ok(())
     }
@@ -74,5 +80,18 @@ impl Recordings {
                 Ok(path.to_owned())
             })
             .collect()
+    }
+}
+
+/// The path of a file without links and dots, as far as it exists.
+fn whole(path: &Path) -> PathBuf {
+    if let Ok(path) = path.canonicalize() {
+        return path;
+    }
+    let folder = path.parent().filter(|it| *it != Path::new(""));
+    let folder = folder.unwrap_or(Path::new(".")).canonicalize();
+    match (folder, path.file_name()) {
+        (Ok(folder), Some(name)) => folder.join(name),
+        _ => path.to_owned(),
     }
 }

@@ -68,8 +68,9 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let mut scenario = scenario::load(path, &arguments.overrides.all(path)?)?;
     scenario.unchecked = arguments.unchecked;
     let default = folder::default_for(Path::new(&scenario.name), scenario.seed);
-    folder::check_writable(arguments.out.as_deref().unwrap_or(&default))?;
-    arguments.recordings.check()?;
+    let folder = arguments.out.as_deref().unwrap_or(&default);
+    folder::check_writable(folder)?;
+    arguments.recordings.check(folder)?;
     let bar = terminal::progress_bar(
         "{msg:>18} {bar:40.cyan/dim} {percent:>3} %  {elapsed} elapsed, {eta} left",
     );

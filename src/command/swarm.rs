@@ -103,7 +103,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         })
     });
     folder::check_writable(&out)?;
-    arguments.recordings.check()?;
+    arguments.recordings.check(&out)?;
     let musterd = musterd(arguments)?;
     let bar = terminal::progress_bar("{msg:>12} {bar:40.cyan/dim} {percent:>3} %");
     let mut watcher = |progress| show(&bar, progress);

@@ -318,9 +318,22 @@ fn recording_that_can_not_be_written_is_refused_before_the_run() {
         "/dev/null: is not a file but a device or a pipe",
     );
     refused(
-        &["--kml", "run", "--geojson", "run"],
+        &["--kml", "run", "--geojson", "./run"],
         "run: is given for two recordings",
     );
+    let out = folder.path().join("flight");
+    fs::create_dir(&out).unwrap();
+    let run = muster(folder.path())
+        .args(["sim", &scenario("thesis-1.toml"), "--out", "flight"])
+        .args(["--mcap", "./flight/report.json"])
+        .assert()
+        .code(2);
+    let printed = String::from_utf8(run.get_output().stderr.clone()).unwrap();
+    assert!(
+        printed.contains("is a file of the report in --out"),
+        "{printed}"
+    );
+    assert_eq!(fs::read_dir(out).unwrap().count(), 0);
 }
 
 #[test]
