@@ -120,13 +120,14 @@ pub(super) fn record(report: &Report, flight: &Flight) -> Record {
     let mut states = States::default();
     let (mut nodes, mut epochs, mut marks, mut jams) = (vec![], vec![], vec![], vec![]);
     let mut swarms = vec![];
+    let several = !report.others.is_empty();
     let pairs = report.swarms().zip(flight.swarms());
-    for (swarm, (report, flight)) in pairs.enumerate() {
+    for (swarm, (report_of, flight)) in pairs.enumerate() {
         swarms.push(Swarm {
-            name: report.name().to_owned(),
+            name: report_of.name().to_owned(),
             waypoints: flight.waypoints.iter().map(|it| place(*it)).collect(),
         });
-        let nodes_of = of_swarm(swarm, (report, flight), epochs.len(), &mut states);
+        let nodes_of = of_swarm(swarm, (report_of, flight), epochs.len(), &mut states);
         nodes.extend(nodes_of);
         let history = &flight.history;
         epochs.extend(history.epochs.iter().map(|epoch| Epoch {
@@ -135,7 +136,7 @@ pub(super) fn record(report: &Report, flight: &Flight) -> Record {
             master: epoch.master,
             since: ms(epoch.since),
         }));
-        marks.extend(marks_of(history));
+        marks.extend(marks_of(history, several.then(|| report_of.name())));
         jams.extend(jams_of(history));
     }
     marks.sort_by_key(|mark: &Mark| mark.at);
@@ -286,13 +287,20 @@ fn links(flight: &Flight) -> Option<Vec<Vec<i64>>> {
     Some(links.into_values().collect())
 }
 
-fn marks_of(history: &History) -> impl Iterator<Item = Mark> + '_ {
-    history.marks.iter().map(|mark| Mark {
+/// The marks of a swarm; with its name, if there are several, but for broken rules, which are of all.
+fn marks_of<'a>(history: &'a History, swarm: Option<&'a str>) -> impl Iterator<Item = Mark> + 'a {
+    let text = move |mark: &muster_scenarios::report::Mark| match swarm
+        .filter(|_| mark.kind != MarkKind::Violation)
+    {
+        Some(swarm) => format!("{swarm}: {}", mark.text),
+        None => mark.text.clone(),
+    };
+    history.marks.iter().map(move |mark| Mark {
         at: ms(mark.at),
         until: mark.until.map_or(-1, ms),
         kind: index_of(&KINDS, &mark.kind),
         nodes: mark.nodes.clone(),
-        text: mark.text.clone(),
+        text: text(mark),
     })
 }
 

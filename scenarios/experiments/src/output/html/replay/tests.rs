@@ -98,6 +98,23 @@ fn dead_drone_comes_down_where_it_was_and_has_no_links() {
 }
 
 #[test]
+fn marks_of_two_swarms_say_which_swarm_they_are_of() {
+    let run = flown("two-swarms.toml");
+    let swarms: Vec<_> = run.0.swarms().map(Report::name).collect();
+    let texts = marks(&record(&run), "waypoint").into_iter();
+    let texts: Vec<_> = texts.map(|mark| mark.2).collect();
+    for swarm in swarms {
+        let of_swarm = format!("{swarm}: ");
+        assert!(
+            texts.iter().any(|it| it.starts_with(&of_swarm)),
+            "{texts:?}"
+        );
+    }
+    let alone = marks(&record(&flown("kill-at-waypoint.toml")), "waypoint");
+    assert!(alone.iter().all(|mark| !mark.2.contains(": ")));
+}
+
+#[test]
 fn cut_and_healed_links_are_a_partition_and_a_merge() {
     let run = flown("cut-two-apart.toml");
     let record = record(&run);
