@@ -161,11 +161,8 @@ pub(super) fn heading(campaign: &Campaign, observed: &BTreeSet<&str>) -> Vec<Str
         "never_injected",
     ];
     names.extend(counts.map(str::to_owned));
-    for column in FIGURES
-        .iter()
-        .map(|it| it.column)
-        .chain(observed.iter().copied())
-    {
+    let columns = FIGURES.iter().map(|it| it.column.to_owned());
+    for column in columns.chain(observed.iter().map(|name| column_of(name))) {
         names.extend([
             format!("{column}_median"),
             format!("{column}_low"),
@@ -175,6 +172,13 @@ pub(super) fn heading(campaign: &Campaign, observed: &BTreeSet<&str>) -> Vec<Str
         ]);
     }
     names
+}
+
+/// The column of an observed value: its name, after "observed." if a figure has that name.
+fn column_of(observed: &str) -> String {
+    let is_taken = FIGURES.iter().any(|it| it.column == observed);
+    let prefix = if is_taken { "observed." } else { "" };
+    format!("{prefix}{observed}")
 }
 
 impl Summary {
@@ -281,6 +285,19 @@ mod tests {
         for estimate in estimates {
             assert_eq!(estimate, ["", "", "", "", "0"], "{record:?}");
         }
+    }
+
+    #[test]
+    fn observed_value_with_the_name_of_a_figure_has_a_column_of_its_own() {
+        let campaign = plan::tests::campaign();
+        let mut names = heading(&campaign, &BTreeSet::from(["finds", "finished"]));
+        for expected in ["finds_n", "finished_median", "observed.finished_median"] {
+            assert!(names.iter().any(|it| it == expected), "{expected}");
+        }
+        let all = names.len();
+        names.sort_unstable();
+        names.dedup();
+        assert_eq!(names.len(), all, "no column is there twice");
     }
 
     #[test]
