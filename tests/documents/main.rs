@@ -5,6 +5,7 @@
 mod book;
 mod examples;
 mod pages;
+mod results;
 
 use std::fs;
 use std::path::{Path, PathBuf};

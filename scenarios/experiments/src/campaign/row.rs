@@ -36,7 +36,7 @@ pub struct Row {
     pub finished: u64,
     /// Flight time of the master, in seconds; `None` if it did not land.
     pub flight_time_master_s: Option<f64>,
-    /// Mean flight time of the drones that have one.
+    /// Mean flight time of the drones that have one: from the start of neighbour discovery to the end of landing.
     pub flight_time_mean_s: Option<f64>,
     /// Longest flight time.
     pub flight_time_max_s: Option<f64>,
@@ -84,7 +84,7 @@ pub struct Row {
     /// names that were observed first.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub observed: BTreeMap<String, f64>,
-    /// Whether all swarms completed their missions; see [`Report::are_missions_completed`].
+    /// Whether all swarms completed their missions, each in contact and without drones that stayed on the ground.
     pub mission_completed: bool,
     /// Number of faults in the scenario file that never happened; 0 if a rule was broken, which ended the run.
     pub never_injected: u64,
@@ -413,6 +413,20 @@ pub(super) mod tests {
             assert!(row.belongs_to(&campaign, 7));
             assert!(!row.belongs_to(&campaign, 8));
         }
+    }
+
+    #[test]
+    fn columns_are_the_fields_of_a_row_but_what_agents_observed() {
+        let mut campaign = plan::tests::campaign();
+        campaign.vary.clear();
+        let json = serde_json::to_value(row(&campaign, 0, false)).unwrap();
+        let fields = json.as_object().unwrap().keys().map(String::as_str);
+        let mut columns = heading(&campaign);
+        columns.extend(["varied", "observed"].map(str::to_owned));
+        columns.sort_unstable();
+        let mut fields: Vec<_> = fields.collect();
+        fields.sort_unstable();
+        assert_eq!(columns, fields);
     }
 
     #[test]

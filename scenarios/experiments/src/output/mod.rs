@@ -19,7 +19,7 @@ pub use html::scaling::{Scaling, scaling};
 pub use html::{document, page};
 pub use recordings::Recording;
 pub use table::table;
-pub use tracks::tracks;
+pub use tracks::{TRACK_COLUMNS, tracks};
 pub use write::{REPORT_HTML, REPORT_JSON, ReportFiles, TRACKS_CSV, WriteError, write, write_file};
 
 pub(crate) use write::{CompleteFile, DraftFile, create_folder, json};

@@ -5,13 +5,17 @@ use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 use muster_scenarios::report::{Flight, Report};
 
-const HEADER: [&str; 6] = [
-    "time_s",
-    "drone",
-    "north_m",
-    "east_m",
-    "altitude_m",
-    "state",
+/// The columns of `tracks.csv`, and what they mean.
+pub const TRACK_COLUMNS: [(&str, &str); 6] = [
+    (
+        "time_s",
+        "Time, in simulated seconds from the start of the run.",
+    ),
+    ("drone", "Drone id."),
+    ("north_m", "Metres north of home."),
+    ("east_m", "Metres east of home."),
+    ("altitude_m", "Metres above home."),
+    ("state", "Mission state at this time."),
 ];
 
 /// All track points as CSV with a header, one row per point, ordered by time and drone.
@@ -32,7 +36,8 @@ pub fn tracks(report: &Report, flight: &Flight) -> Vec<u8> {
 
     let mut rows = csv::Writer::from_writer(Vec::new());
     let memory = "writing to a vector never fails";
-    rows.write_record(HEADER).expect(memory);
+    let names = TRACK_COLUMNS.map(|(name, _)| name);
+    rows.write_record(names).expect(memory);
     for (at, id, place, state) in points {
         rows.write_record([
             decimal(at.as_secs_f64()),
