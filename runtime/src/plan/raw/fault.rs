@@ -136,7 +136,7 @@ pub enum FaultKindName {
     Corrupt,
     /// Frames arrive twice.
     Duplicate,
-    /// Frames arrive `by_ms` later.
+    /// Frames arrive `by_ms` later. For rule 1, links of which frames are later by more than a heartbeat are grey.
     Delay,
     /// Frames arrive up to `by_ms` later, each by another time, so that they overtake each other.
     Reorder,
