@@ -44,7 +44,7 @@ fn table(page: &mut String, heading: &str, rows: impl IntoIterator<Item = (Strin
 fn campaigns(page: &mut String) {
     page.push_str(
         "\n## `runs.csv` and `runs.jsonl` of a campaign\n\n\
-         A row a run. In `runs.csv` each varied field has a column of its own in the place of `varied`, and `observed` is left \
+         A row a run. In `runs.csv` each varied field has a column of its own in the place of `varied`, and `observed` is left\n\
          out.\n",
     );
     table(
@@ -62,7 +62,7 @@ fn campaigns(page: &mut String) {
         .filter(|it| it.0 != "estimates" && it.0 != "observed");
     table(page, "column", counts);
     page.push_str(
-        "\nThen there are five columns for each figure, and for each value that agents observed; one with the name of a figure \
+        "\nThen there are five columns for each figure, and for each value that agents observed; one with the name of a figure\n\
          has the prefix `observed.`:\n",
     );
     let estimate = [
@@ -98,7 +98,7 @@ fn campaigns(page: &mut String) {
 fn page_on_results_is_what_their_fields_say() {
     let mut page = String::from(
         "# What do the results mean?\n\n\
-         Names end in their unit: `_s` is seconds, `_ms` milliseconds, `_m` metres. Where a value is `None`, a field of a CSV file \
+         Names end in their unit: `_s` is seconds, `_ms` milliseconds, `_m` metres. Where a value is `None`, a field of a CSV file\n\
          is empty and one of a JSON file is `null` or left out. This page is generated from the program.\n",
     );
     campaigns(&mut page);

@@ -67,7 +67,8 @@ mod tests {
         let (report, flight) = sample::swarm(3);
         let bytes = tracks(&report, &flight);
         let mut reader = csv::Reader::from_reader(bytes.as_slice());
-        assert_eq!(reader.headers().unwrap(), HEADER.as_slice());
+        let names = TRACK_COLUMNS.map(|(name, _)| name);
+        assert_eq!(reader.headers().unwrap(), names.as_slice());
         let keys: Vec<(f64, u32)> = reader
             .records()
             .map(|row| row.unwrap())
