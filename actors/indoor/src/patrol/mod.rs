@@ -7,6 +7,7 @@
 mod config;
 mod flight;
 mod guard;
+mod legs;
 mod place;
 mod route;
 mod sonars;

@@ -24,6 +24,9 @@ const FOUND_STEPS: u32 = 20;
 const SEARCH_STEPS: u32 = 100;
 /// Steps after which a lost pose is given up.
 const LOST_FOR_GOOD_STEPS: u32 = 600;
+/// Variance of a restart's position above which its pose is lost, in m²: a standard deviation of 1 m, as of poses that no
+/// vehicle takes. Particles spread wider settle at a wrong place that happens to fit.
+const VARIANCE_MAX_M2: f64 = 1.0;
 /// Largest motion of one input that is believed: of 20 s at the highest speed, or of two turns. An input comes 20 times a second.
 const MOVED_MAX_M: f64 = 10.0;
 const TURNED_MAX_RAD: f64 = 2.0 * TAU;
@@ -69,6 +72,21 @@ fn since(now: Timestamp, config: &Config, checkpoint: &Checkpoint) -> (MapPose, 
     (checkpoint.pose, covariance)
 }
 
+/// For how long the pose of a checkpoint, with this covariance now, has been lost; `None` if it is known. A checkpoint from later
+/// than now has no known age: the clock went back over a reboot.
+fn lost_since(
+    now: Timestamp,
+    checkpoint: &Checkpoint,
+    covariance: &Matrix3<f64>,
+) -> Option<Duration> {
+    if checkpoint.is_lost {
+        return Some(checkpoint.lost);
+    }
+    let is_certain = covariance[(0, 0)].max(covariance[(1, 1)]) <= VARIANCE_MAX_M2;
+    let is_known = is_certain && checkpoint.at <= now;
+    (!is_known).then_some(Duration::ZERO)
+}
+
 /// Steps in a time.
 fn steps_in(time: Duration) -> u32 {
     u32::try_from(time.as_nanos() / PERIOD.as_nanos()).unwrap_or(u32::MAX)
@@ -102,7 +120,7 @@ impl Place {
             Some(checkpoint) => since(now, config, checkpoint),
             None => (config.start, diagonal(START)),
         };
-        let lost = checkpoint.filter(|it| it.is_lost).map(|it| it.lost);
+        let lost = checkpoint.and_then(|it| lost_since(now, it, &covariance));
         let is_lost = lost.is_some();
         // A new filter's particles are anywhere.
         let mut filter = Filter::new(Arc::clone(&config.tables), filter_config(), seed);

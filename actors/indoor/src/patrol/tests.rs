@@ -1,3 +1,5 @@
+mod ends;
+
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -28,6 +30,42 @@ pub(super) fn room((columns, rows): (usize, usize), start: MapPose, range_m: f64
     let text: Vec<String> = (0..rows).map(line).collect();
     let map = Arc::new(Map::from_text(&text.join("\n"), 0.05).unwrap());
     config_of(&map, start, range_m)
+}
+
+/// Rooms of 4 × 4 and 3 × 4 m with a door between, not alike.
+const ROOMS: &str = "
+################################
+#...............#..............#
+#...............#..............#
+#...............#..............#
+#...............#............###
+#...............#............###
+#..............................#
+#..............................#
+#..............................#
+#..............................#
+#...............#..............#
+###.............#..............#
+###.............#..............#
+#...............#......##......#
+#...............#......##......#
+#...............#..............#
+#...............#..............#
+################################";
+
+/// Two rooms of about 4 × 4 m with a door of 1 m; a camera that sees 3.8 m.
+pub(super) fn flat() -> Config {
+    config_of(&map_of(ROOMS), MapPose::new(1.0, 2.5, 0.0), 3.8)
+}
+
+/// A plan of which a character is 25 cm, in cells of 5 cm.
+pub(super) fn map_of(plan: &str) -> Arc<Map> {
+    let wide = plan.trim().lines().flat_map(|line| {
+        let line: String = line.chars().flat_map(|it| [it; 5]).collect();
+        vec![line; 5]
+    });
+    let wide: Vec<String> = wide.collect();
+    Arc::new(Map::from_text(&wide.join("\n"), 0.05).unwrap())
 }
 
 /// A map, for a camera of this range.

@@ -1,0 +1,25 @@
+//! Restarts, and patrols that can't go on.
+
+use super::*;
+
+/// After 15 s it flew by wrong poses for minutes: particles spread over metres settled where it was not.
+#[test]
+fn restart_after_seconds_or_a_clock_that_went_back_finds_the_pose_before_it_flies() {
+    let config = flat();
+    for (down_s, back_s) in [(15_u64, 0), (30, 0), (3_600, 0), (0, 10)] {
+        let mut bench = Bench::new(&config);
+        for _ in 0..200 {
+            bench.step(|_, echo| Some(echo));
+        }
+        bench.steps = bench.steps + 10 * down_s - 10 * back_s;
+        bench.restart(&config);
+        assert!(bench.patrol.place.is_lost(), "{down_s} s, {back_s} s back");
+        for _ in 0..300 {
+            bench.step(|_, echo| Some(echo));
+            let error_m = bench.patrol.place.pose().at.distance_m(bench.pose.at);
+            let is_wrong = !bench.patrol.place.is_lost() && error_m > 0.5;
+            assert!(!is_wrong, "{down_s} s, {back_s} s back: {error_m} m");
+        }
+        assert!(!bench.patrol.place.is_lost(), "{down_s} s, {back_s} s back");
+    }
+}
