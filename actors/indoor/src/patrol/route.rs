@@ -349,7 +349,7 @@ impl Route {
         self.block = Some((ahead, waited.map_or(0, |(_, times)| times)));
         self.blocked_at = now;
         self.nearest = (f64::INFINITY, now);
-        match self.tried() {
+        match self.tried(config) {
             Some(stop) => Order::GiveUp(stop),
             None => self.search(now, config, pose),
         }
@@ -367,7 +367,7 @@ impl Route {
         // What blocks the path was counted when it was met.
         if self.obstacles.is_empty() {
             self.phase = Phase::Waiting(now + PATIENCE);
-            return self.tried().map_or(Order::Wait, Order::GiveUp);
+            return self.tried(config).map_or(Order::Wait, Order::GiveUp);
         }
         if can_leave {
             self.stops.rotate_left(1);
@@ -381,8 +381,9 @@ impl Route {
         self.wait(now, pose)
     }
 
-    /// Counts a try of the present stop; after some, the next stop comes first. The stop, if it is given up.
-    fn tried(&mut self) -> Option<MapXy> {
+    /// Counts a try of the present stop; after some, the next stop comes first. The stop, if it is given up: what it shows is
+    /// not looked for again.
+    fn tried(&mut self, config: &Config) -> Option<MapXy> {
         let stop = self.stops.front_mut()?;
         stop.tries += 1;
         if stop.tries < TRIES_MAX {
@@ -392,8 +393,10 @@ impl Route {
             return None;
         }
         self.phase = Phase::Choosing;
-        let given_up = self.stops.pop_front();
-        given_up.map(|stop| stop.at)
+        let given_up = self.stops.pop_front()?.at;
+        let map = config.floor.map();
+        config.places.look_round(map, given_up, &mut self.tried);
+        Some(given_up)
     }
 }
 

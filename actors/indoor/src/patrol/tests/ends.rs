@@ -23,3 +23,23 @@ fn restart_after_seconds_or_a_clock_that_went_back_finds_the_pose_before_it_flie
         assert!(!bench.patrol.place.is_lost(), "{down_s} s, {back_s} s back");
     }
 }
+
+/// Stops behind the door were given up, and what they show was looked for from forty more, a minute and a half each.
+#[test]
+fn closed_door_ends_the_patrol_once_the_stops_behind_it_are_given_up() {
+    let config = flat();
+    let mut bench = Bench::new(&config);
+    bench.map = map_of(&ROOMS.replace(
+        "#..............................#",
+        "#...............#..............#",
+    ));
+    while !bench.is_done() && bench.steps < 6_000 {
+        bench.step(|_, echo| Some(echo));
+    }
+    assert!(bench.is_done());
+    let given_up = bench.events.iter();
+    let given_up = given_up.filter(|it| matches!(it, Event::GivenUp(_)));
+    let stops = config.stops.iter().filter(|it| it.x_m > 4.0).count();
+    assert!((1..=stops).contains(&given_up.count()), "{stops} stops");
+    assert_eq!(bench.landing(), None);
+}
