@@ -31,12 +31,44 @@ impl Map {
         Some(travelled * self.resolution_m())
     }
 
-    fn is_free(&self, column: i64, row: i64) -> bool {
-        match (usize::try_from(column), usize::try_from(row)) {
-            (Ok(column), Ok(row)) => self.state(Cell { column, row }) == State::Free,
-            _ => false,
-        }
+    /// The cells that a straight leg passes through, with the length in each, in cells; `None` for a cell below the map's first
+    /// row or column. A leg through a corner of four cells passes one of those beside it, for the length 0.
+    pub(crate) fn cells_between(
+        &self,
+        from: MapXy,
+        to: MapXy,
+    ) -> impl Iterator<Item = (Option<Cell>, f64)> {
+        let ((x1, y1), (x2, y2)) = (self.in_cells(from), self.in_cells(to));
+        let length = libm::hypot(x2 - x1, y2 - y1);
+        let share = |off: f64| if length > 0.0 { off / length } else { 0.0 };
+        let mut along = Axis::new(x1, share(x2 - x1));
+        let mut across = Axis::new(y1, share(y2 - y1));
+        let mut travelled = Some(0.0);
+        std::iter::from_fn(move || {
+            let before = travelled?;
+            let cell = cell(along.cell, across.cell);
+            let nearer = if along.next <= across.next {
+                &mut along
+            } else {
+                &mut across
+            };
+            let next = nearer.step();
+            travelled = (next <= length).then_some(next);
+            Some((cell, next.min(length) - before))
+        })
     }
+
+    fn is_free(&self, column: i64, row: i64) -> bool {
+        cell(column, row).is_some_and(|cell| self.state(cell) == State::Free)
+    }
+}
+
+/// The cell in a column and row; `None` below 0.
+fn cell(column: i64, row: i64) -> Option<Cell> {
+    Some(Cell {
+        column: usize::try_from(column).ok()?,
+        row: usize::try_from(row).ok()?,
+    })
 }
 
 /// One coordinate of a point that moves along a ray, in cells.

@@ -4,8 +4,6 @@ use super::STRAIGHT;
 use super::floor::Floor;
 use crate::frames::MapXy;
 
-/// Cells along a leg at which its cost is looked up.
-const PER_CELL: f64 = 2.0;
 /// Share by which a straight leg may cost more than the cells that it replaces: these can turn by 45° only.
 const DEARER: f64 = 1.05;
 
@@ -45,25 +43,23 @@ pub(super) fn legs(floor: &Floor, points: &[MapXy]) -> Vec<MapXy> {
     corners
 }
 
+impl Floor {
+    /// Whether a straight leg touches no cell where the drone can't be.
+    #[must_use]
+    pub fn is_clear(&self, from: MapXy, to: MapXy) -> bool {
+        leg_cost(self, from, to).is_some()
+    }
+}
+
 /// The cost of a straight leg; `None` if it touches a cell where the drone can't be.
 fn leg_cost(floor: &Floor, from: MapXy, to: MapXy) -> Option<f64> {
     let map = floor.map();
-    let length_m = from.distance_m(to);
-    let steps = (length_m / map.resolution_m() * PER_CELL).ceil().max(1.0);
     let mut sum = 0.0;
-    for step in 0..=steps as usize {
-        let share = step as f64 / steps;
-        let point = MapXy::new(
-            from.x_m + (to.x_m - from.x_m) * share,
-            from.y_m + (to.y_m - from.y_m) * share,
-        );
-        let index = map.cell(point).and_then(|cell| map.index(cell))?;
-        let cost = floor.costs()[index];
-        if cost == 0 {
-            return None;
+    for (cell, length) in map.cells_between(from, to) {
+        match floor.costs()[map.index(cell?)?] {
+            0 => return None,
+            cost => sum += f64::from(cost) * length,
         }
-        sum += f64::from(cost);
     }
-    let mean = sum / (steps + 1.0);
-    Some(mean * length_m / map.resolution_m() * f64::from(STRAIGHT))
+    Some(sum * f64::from(STRAIGHT))
 }

@@ -18,6 +18,9 @@ const CELLS_A_STEP: usize = 4_000;
 const ARRIVED_M: f64 = 0.2;
 /// Distance along the path of the point that is flown to, in metres.
 const AHEAD_M: f64 = 0.7;
+/// The same where the straight line there leads too near to a wall: shorter by steps, in metres.
+const AHEAD_STEP_M: f64 = 0.1;
+const AHEAD_STEPS: u32 = 5;
 /// A drone that gets no nearer to its stop for so long is blocked.
 const BLOCKED_AFTER: Duration = Duration::from_secs(4);
 /// Progress that counts, in metres.
@@ -188,7 +191,7 @@ impl Route {
                 }
                 Order::Wait
             }
-            Phase::MakingRoom(_) => self.make_room(now, pose),
+            Phase::MakingRoom(_) => self.make_room(now, config, pose),
         }
     }
 
@@ -205,7 +208,7 @@ impl Route {
 
     /// Waits where it is. If it has waited at this block before, it first flies back the way it came, so that who blocks the
     /// path can pass.
-    fn wait(&mut self, now: Timestamp, pose: MapPose) -> Order {
+    fn wait(&mut self, now: Timestamp, config: &Config, pose: MapPose) -> Order {
         self.phase = Phase::Waiting(now + PATIENCE);
         let Some((block, waited)) = &mut self.block else {
             return Order::Wait;
@@ -221,11 +224,11 @@ impl Route {
         let path = std::iter::once(pose.at).chain(back).collect();
         self.nearest = (f64::INFINITY, now);
         self.phase = Phase::MakingRoom(path);
-        self.make_room(now, pose)
+        self.make_room(now, config, pose)
     }
 
     /// Flies back; waits at the end, or where it gets no farther.
-    fn make_room(&mut self, now: Timestamp, pose: MapPose) -> Order {
+    fn make_room(&mut self, now: Timestamp, config: &Config, pose: MapPose) -> Order {
         let Phase::MakingRoom(path) = &self.phase else {
             return Order::Wait;
         };
@@ -239,7 +242,7 @@ impl Route {
             return Order::Wait;
         }
         Order::Fly {
-            to: point_at(path, at, AHEAD_M),
+            to: aim(config, path, at, pose.at),
             left_m,
         }
     }
@@ -334,7 +337,7 @@ impl Route {
             return self.blocked(now, config, pose, ahead);
         }
         Order::Fly {
-            to: point_at(path, at, AHEAD_M),
+            to: aim(config, path, at, pose.at),
             left_m,
         }
     }
@@ -378,7 +381,7 @@ impl Route {
         }
         self.passed_over = 0;
         self.obstacles.clear();
-        self.wait(now, pose)
+        self.wait(now, config, pose)
     }
 
     /// Counts a try of the present stop; after some, the next stop comes first. The stop, if it is given up: what it shows is
@@ -407,6 +410,15 @@ impl Config {
     }
 }
 
+/// The point to fly to: as far ahead on the path as the straight line there stays clear of walls. A drone that was pushed too near
+/// to one has no such line; it flies to the nearest of these points.
+fn aim(config: &Config, path: &[MapXy], at: (usize, f64), from: MapXy) -> MapXy {
+    let ahead = |step: u32| point_at(path, at, AHEAD_M - AHEAD_STEP_M * f64::from(step));
+    let points = (0..AHEAD_STEPS).map(ahead);
+    let mut clear = points.filter(|to| config.floor.is_clear(from, *to));
+    clear.next().unwrap_or_else(|| ahead(AHEAD_STEPS))
+}
+
 /// How many targets a full turn at a point would add.
 fn adds(config: &Config, at: MapXy, seen: &Seen) -> usize {
     config.places.added_from(config.floor.map(), at, seen)
@@ -415,7 +427,7 @@ fn adds(config: &Config, at: MapXy, seen: &Seen) -> usize {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::patrol::tests::config;
+    use crate::patrol::tests::{config, flat};
 
     #[test]
     fn drone_beside_the_end_of_its_path_flies_there() {
@@ -438,6 +450,32 @@ mod tests {
             let order = route.fly(Timestamp::ZERO, &config, pose, &seen);
             let left_m = beside.distance_m(end);
             assert_eq!(order, Order::Fly { to: end, left_m }, "{beside:?}");
+        }
+    }
+
+    /// The point 0.7 m ahead was behind the post of the door; VFH+ then led the drone to and fro before it.
+    #[test]
+    fn straight_line_to_the_point_that_is_flown_to_stays_clear_of_walls() {
+        let config = flat();
+        let mut route = Route::new(&config);
+        let seen = Seen::none(config.places.targets().len());
+        let path = [(3.725, 1.0), (3.725, 2.4), (5.0, 2.4)];
+        let path = path.map(|(x_m, y_m)| MapXy::new(x_m, y_m));
+        for y_m in [1.2, 1.9, 2.0, 2.1, 2.3] {
+            route.phase = Phase::Flying(path.to_vec());
+            let pose = MapPose::new(3.725, y_m, 0.0);
+            let order = route.fly(Timestamp::ZERO, &config, pose, &seen);
+            let Order::Fly { to, .. } = order else {
+                panic!("{order:?}");
+            };
+            let (bearing_rad, length_m) = (pose.at.bearing_rad(to), pose.at.distance_m(to));
+            let on_line = (0..=100).map(|it| {
+                let along_m = length_m * f64::from(it) / 100.0;
+                pose.at.towards(bearing_rad, along_m)
+            });
+            let mut on_line = on_line;
+            assert!(on_line.all(|it| config.floor.is_free(it)), "{y_m}: {to:?}");
+            assert!(length_m >= 0.15, "{y_m}: {to:?}");
         }
     }
 
