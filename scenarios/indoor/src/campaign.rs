@@ -109,14 +109,8 @@ impl Row {
         if !self.is_done {
             reasons.push("did not end".to_owned());
         }
-        match self.landed {
-            Some(EarlyLanding::NoSonar) => {
-                reasons.push("landed early, as no sonar worked".to_owned());
-            }
-            Some(EarlyLanding::PoseLost) => {
-                reasons.push("landed early, as its pose was lost".to_owned());
-            }
-            None => {}
+        if let Some(cause) = self.landed {
+            reasons.push(format!("landed early, as {}", cause_of(cause)));
         }
         if self.seen < SEEN_MIN {
             reasons.push(format!("saw {} %", rounded_down(100.0 * self.seen, 2)));
@@ -135,6 +129,16 @@ impl Row {
     pub fn is_complete(&self) -> bool {
         let has_ended = self.is_done && self.landed.is_none();
         has_ended && self.seen >= SEEN_MIN && self.times <= TIMES_MAX
+    }
+}
+
+/// A landing's cause, in words.
+const fn cause_of(landing: EarlyLanding) -> &'static str {
+    match landing {
+        EarlyLanding::NoSonar => "no sonar worked",
+        EarlyLanding::PoseLost => "its pose was lost",
+        EarlyLanding::NoOdometry => "no odometry came",
+        EarlyLanding::TimeOver => "its time was over",
     }
 }
 
@@ -368,10 +372,13 @@ mod tests {
             landed: Some(cause),
             ..row(5)
         };
-        let [silent, astray] = [EarlyLanding::NoSonar, EarlyLanding::PoseLost].map(landed);
+        let silent = landed(EarlyLanding::NoSonar);
+        let astray = landed(EarlyLanding::PoseLost);
+        let dark = landed(EarlyLanding::NoOdometry);
         assert_eq!(silent.reasons(), ["landed early, as no sonar worked"]);
         assert_eq!(astray.reasons(), ["landed early, as its pose was lost"]);
-        for row in [seen, touching, lost, silent, astray] {
+        assert_eq!(dark.reasons(), ["landed early, as no odometry came"]);
+        for row in [seen, touching, lost, silent, astray, dark] {
             assert!(row.broke_rule() || !row.is_complete());
         }
     }

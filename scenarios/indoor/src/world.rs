@@ -39,6 +39,8 @@ const READING_HOLDS: Duration = Duration::from_millis(300);
 const LOOK_TICKS: u64 = 4;
 /// Ticks between two samples of the track.
 const SAMPLE_TICKS: u64 = 40;
+/// A drone ends a patrol that takes so long.
+const LASTS_MAX: Duration = Duration::from_secs(3_000);
 /// A patrol that takes longer has failed.
 const DURATION_MAX: Duration = Duration::from_secs(3_600);
 /// What the drone needs and can do: half a metre a second, as the robots of VFH's papers.
@@ -136,6 +138,7 @@ impl Prepared {
             method,
             limits: LIMITS,
             acceleration_mps2: ACCELERATION_MPS2,
+            lasts_max: LASTS_MAX,
         };
         Ok(Self {
             flat,

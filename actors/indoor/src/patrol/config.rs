@@ -54,6 +54,8 @@ pub struct Config {
     pub limits: Limits,
     /// Highest acceleration, in m/s².
     pub acceleration_mps2: f64,
+    /// Longest time of a patrol. A drone that has not ended it by then lands where it is.
+    pub lasts_max: Duration,
 }
 
 impl Config {

@@ -5,6 +5,7 @@
 //! which sonars fail. A long search for a way goes on in the next steps.
 
 mod config;
+mod deadlines;
 mod flight;
 mod guard;
 mod legs;
@@ -16,7 +17,6 @@ mod tests;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
-use std::time::Duration;
 
 use muster_machines::indoor::{Builder, Indoor};
 use muster_machines::machine::{Machine, Output};
@@ -27,6 +27,7 @@ pub use muster_machines::indoor::{
     Checkpoint, EarlyLanding, Event, Fault, Input, Remaining, SonarChange, Transmit, Velocity,
 };
 
+use self::deadlines::Deadlines;
 use self::flight::Flight;
 use self::place::Place;
 use self::route::{Order, Route};
@@ -36,8 +37,6 @@ use crate::reading::{Echo, Mounting, Reading};
 
 /// Most readings that wait for the next step; the oldest goes first.
 const READINGS_MAX: usize = 64;
-/// A drone that no sonar leads turns to find something that echoes: a full turn takes 7 s. After so long it lands.
-const LANDS_AFTER: Duration = Duration::from_secs(10);
 
 /// A patrol of one drone.
 #[derive(Debug)]
@@ -50,8 +49,7 @@ pub struct Patrol {
     seen: Seen,
     readings: VecDeque<Reading>,
     next: Timestamp,
-    /// When a sonar last worked. A restart takes over for how long none has.
-    heard: Timestamp,
+    deadlines: Deadlines,
     has_ended: bool,
     outbox: VecDeque<Output<Transmit, Event>>,
 }
@@ -64,7 +62,6 @@ impl Patrol {
         let checkpoint = checkpoint
             .filter(|it| it.targets == config.places.identity() && it.seen.is_of(targets));
         let seen = checkpoint.map_or_else(|| Seen::none(targets), |it| it.seen.clone());
-        let unheard = checkpoint.map_or(Duration::ZERO, |it| it.unheard);
         Self {
             place: Place::new(&config, seed, now, checkpoint),
             sonars: Sonars::new(&config),
@@ -73,7 +70,7 @@ impl Patrol {
             seen,
             readings: VecDeque::new(),
             next: now + PERIOD,
-            heard: before(now, unheard),
+            deadlines: Deadlines::new(now, checkpoint),
             has_ended: checkpoint.is_some_and(|it| it.has_ended),
             outbox: VecDeque::new(),
             config,
@@ -119,6 +116,8 @@ impl Patrol {
         self.end_helpless(now);
         let order = if self.has_ended {
             Order::Done
+        } else if !self.deadlines.has_odometry(now) {
+            Order::Wait
         } else if self.place.is_lost() {
             Order::Search
         } else {
@@ -139,20 +138,15 @@ impl Patrol {
         self.report(now);
     }
 
-    /// Ends the patrol where the drone is if no sonar has worked for [`LANDS_AFTER`], though it turned, or the pose is not found
-    /// again.
+    /// Ends the patrol where the drone is if it can't go on: see [`EarlyLanding`].
     fn end_helpless(&mut self, now: Timestamp) {
         if self.sonars.leading_rad(now).is_some() {
-            self.heard = now;
+            self.deadlines.hear(now);
         }
-        let cause = if now.since(self.heard) >= LANDS_AFTER {
-            EarlyLanding::NoSonar
-        } else if self.place.is_lost_for_good() {
-            EarlyLanding::PoseLost
-        } else {
-            return;
-        };
-        if !self.has_ended {
+        let is_lost = self.place.is_lost_for_good();
+        let cause = self.deadlines.passed(now, self.config.lasts_max);
+        let cause = cause.or_else(|| is_lost.then_some(EarlyLanding::PoseLost));
+        if let (Some(cause), false) = (cause, self.has_ended) {
             self.has_ended = true;
             self.event(Event::Landing(cause));
         }
@@ -173,17 +167,13 @@ impl Patrol {
             seen: self.seen.clone(),
             targets: self.config.places.identity(),
             has_ended: self.has_ended,
-            unheard: now.since(self.heard),
+            unheard: self.deadlines.unheard(now),
             lost: self.place.lost(),
+            unmoved: self.deadlines.unmoved(now),
+            lasted: self.deadlines.lasted(now),
         };
         self.event(Event::Checkpoint(Box::new(checkpoint)));
     }
-}
-
-/// The time so long before `now`; the epoch at the earliest.
-fn before(now: Timestamp, ago: Duration) -> Timestamp {
-    let ago = u64::try_from(ago.as_nanos()).unwrap_or(u64::MAX);
-    Timestamp::from_nanos(now.as_nanos().saturating_sub(ago))
 }
 
 /// A reading; failed if its range is none that its sensor can measure.
@@ -205,9 +195,13 @@ impl Machine for Patrol {
     type Transmit = Transmit;
     type Event = Event;
 
-    fn handle_input(&mut self, _now: Timestamp, input: Input) {
+    fn handle_input(&mut self, now: Timestamp, input: Input) {
         match input {
-            Input::Odometry(motion) => self.place.moved(motion),
+            Input::Odometry(motion) => {
+                if self.place.moved(motion) {
+                    self.deadlines.moved(now);
+                }
+            }
             Input::Range(reading) => {
                 if self.readings.len() == READINGS_MAX {
                     self.readings.pop_front();

@@ -140,17 +140,20 @@ impl Place {
     }
 
     /// Adds a motion to the odometry. One that is no number, or beyond what a drone can do between two inputs, would spoil the
-    /// pose for good; it is ignored.
-    pub(super) fn moved(&mut self, motion: Motion) {
+    /// pose for good; it is ignored. Whether it was added.
+    pub(super) fn moved(&mut self, motion: Motion) -> bool {
         let Motion {
             forward_m,
             left_m,
             turn_rad,
         } = motion;
         // A comparison with no number is false.
-        if libm::hypot(forward_m, left_m) <= MOVED_MAX_M && turn_rad.abs() <= TURNED_MAX_RAD {
+        let is_possible =
+            libm::hypot(forward_m, left_m) <= MOVED_MAX_M && turn_rad.abs() <= TURNED_MAX_RAD;
+        if is_possible {
             self.odometry = self.odometry.moved(motion);
         }
+        is_possible
     }
 
     /// Takes in the readings since the last step.

@@ -92,6 +92,7 @@ pub(super) fn config_of(map: &Arc<Map>, start: MapPose, range_m: f64) -> Config 
         method: Method::VfhPlus,
         limits,
         acceleration_mps2: 1.0,
+        lasts_max: Duration::from_secs(3_600),
     }
 }
 
@@ -104,6 +105,8 @@ struct Bench {
     steps: u64,
     sonars: Vec<crate::reading::Mounting>,
     map: Arc<Map>,
+    /// Whether odometry comes.
+    feels: bool,
 }
 
 impl Bench {
@@ -116,6 +119,7 @@ impl Bench {
             steps: 0,
             sonars: config.sonars.clone(),
             map: Arc::clone(config.floor.map()),
+            feels: true,
         }
     }
 
@@ -138,7 +142,9 @@ impl Bench {
             turn_rad: self.velocity.turn_rps * dt_s,
         };
         self.pose = self.pose.moved(motion);
-        self.feed(now, Stimulus::Input(Input::Odometry(motion)));
+        if self.feels {
+            self.feed(now, Stimulus::Input(Input::Odometry(motion)));
+        }
         for (place, mounting) in self.sonars.clone().into_iter().enumerate() {
             let wall = sonars::expected_m(&self.map, self.pose, &mounting);
             let echo = wall.map_or(Echo::Silence, Echo::At);

@@ -64,6 +64,10 @@ pub enum EarlyLanding {
     NoSonar,
     /// It lost its pose, and did not find it again.
     PoseLost,
+    /// No odometry came any more.
+    NoOdometry,
+    /// The patrol took longer than it may.
+    TimeOver,
 }
 
 /// From where a restarted machine goes on. It has no particles: they are drawn again around the pose.
@@ -87,6 +91,10 @@ pub struct Checkpoint {
     pub unheard: Duration,
     /// For how long the pose has been lost.
     pub lost: Duration,
+    /// For how long no odometry has come.
+    pub unmoved: Duration,
+    /// For how long the patrol has lasted, without the time between processes.
+    pub lasted: Duration,
 }
 
 /// Of what map and camera targets are: numbers of other targets mean other places.

@@ -43,3 +43,47 @@ fn closed_door_ends_the_patrol_once_the_stops_behind_it_are_given_up() {
     assert!((1..=stops).contains(&given_up.count()), "{stops} stops");
     assert_eq!(bench.landing(), None);
 }
+
+/// An optical flow over a dark floor: the pose stood still on the map while the drone flew.
+#[test]
+fn drone_without_odometry_hovers_and_lands_after_ten_seconds() {
+    let mut bench = Bench::new(&config());
+    while bench.velocity.speed_mps() < 0.3 {
+        bench.step(|_, echo| Some(echo));
+        assert!(bench.steps < 1_000);
+    }
+    // A gap of some seconds ends no patrol.
+    for (gap, lands) in [(50, false), (120, true)] {
+        bench.feels = false;
+        for step in 1..=gap {
+            bench.step(|_, echo| Some(echo));
+            let hovers = bench.velocity == Velocity::default();
+            assert!(hovers || step < 6, "{step}: {:?}", bench.velocity);
+            assert_eq!(bench.is_done(), step >= 100, "{step}");
+        }
+        let cause = lands.then_some(EarlyLanding::NoOdometry);
+        assert_eq!(bench.landing(), cause);
+        bench.feels = true;
+        for _ in 0..5 {
+            bench.step(|_, echo| Some(echo));
+        }
+        assert_eq!(bench.velocity == Velocity::default(), lands);
+    }
+}
+
+#[test]
+fn patrol_that_takes_too_long_lands_and_a_restart_gives_it_no_more_time() {
+    let config = Config {
+        lasts_max: Duration::from_secs(20),
+        ..config()
+    };
+    let mut bench = Bench::new(&config);
+    while !bench.is_done() && bench.steps < 300 {
+        bench.step(|_, echo| Some(echo));
+        if bench.steps.is_multiple_of(60) {
+            bench.restart(&config);
+        }
+    }
+    assert!((200..=210).contains(&bench.steps), "{}", bench.steps);
+    assert_eq!(bench.landing(), Some(EarlyLanding::TimeOver));
+}
