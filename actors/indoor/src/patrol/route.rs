@@ -44,6 +44,8 @@ const NOTED_EVERY_M: f64 = 0.3;
 const NOTED_MAX: usize = 16;
 /// Stops that may be added at the end for what is still unseen.
 const EXTRA_MAX: usize = 40;
+/// Steps to look round in at most, each time: a full turn takes 7 s. A drone that does not turn is blocked.
+const LOOK_STEPS_MAX: u32 = 210;
 /// Distance from the path at which it is planned anew, in metres.
 const ASTRAY_M: f64 = 0.8;
 /// Distance within which a path may begin beside the drone, in metres.
@@ -73,8 +75,8 @@ enum Phase {
     /// A search for the path; the floor is without the obstacles of its start.
     Searching(Box<(Floor, Search)>),
     Flying(Vec<MapXy>),
-    /// Looking round: what is left to turn, in radians.
-    Looking(f64),
+    /// Looking round: what is left to turn, in radians, and the steps so far.
+    Looking(f64, u32),
     Waiting(Timestamp),
     /// Flying back along a path, to let by who blocks the way.
     MakingRoom(Vec<MapXy>),
@@ -173,18 +175,7 @@ impl Route {
                 }
             }
             Phase::Flying(_) => self.fly(now, config, pose, seen),
-            Phase::Looking(left_rad) => {
-                *left_rad -= turned.abs();
-                if *left_rad <= 0.0 || adds(config, pose.at, seen) == 0 {
-                    // What isn't seen from here is not tried again.
-                    if let Some(stop) = self.leave() {
-                        let map = config.floor.map();
-                        config.places.look_round(map, stop.at, &mut self.tried);
-                    }
-                    self.phase = Phase::Choosing;
-                }
-                Order::Look
-            }
+            Phase::Looking(..) => self.look(config, pose, seen, turned),
             Phase::Waiting(until) => {
                 if now >= *until {
                     self.phase = Phase::Choosing;
@@ -316,7 +307,7 @@ impl Route {
         let (astray_m, at) = along(path, pose.at);
         let left_m = length_from(path, at);
         if left_m < ARRIVED_M && astray_m < ARRIVED_M {
-            self.phase = Phase::Looking(config.look_rad());
+            self.phase = Phase::Looking(config.look_rad(), 0);
             return Order::Look;
         }
         if adds(config, stop.at, seen) == 0 {
@@ -340,6 +331,28 @@ impl Route {
             to: aim(config, path, at, pose.at),
             left_m,
         }
+    }
+
+    /// Looks round until it has turned, or nothing new is to be seen. A look that takes too long counts as a try.
+    fn look(&mut self, config: &Config, pose: MapPose, seen: &Seen, turned_rad: f64) -> Order {
+        let Phase::Looking(left_rad, steps) = &mut self.phase else {
+            return Order::Wait;
+        };
+        *left_rad -= turned_rad.abs();
+        *steps += 1;
+        let (has_turned, is_late) = (*left_rad <= 0.0, *steps > LOOK_STEPS_MAX);
+        if has_turned || adds(config, pose.at, seen) == 0 {
+            // What isn't seen from here is not tried again.
+            if let Some(stop) = self.leave() {
+                let map = config.floor.map();
+                config.places.look_round(map, stop.at, &mut self.tried);
+            }
+            self.phase = Phase::Choosing;
+        } else if is_late {
+            self.phase = Phase::Choosing;
+            return self.tried(config).map_or(Order::Wait, Order::GiveUp);
+        }
+        Order::Look
     }
 
     /// The path is blocked ahead: another path is tried, then other stops first.

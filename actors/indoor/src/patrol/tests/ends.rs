@@ -87,3 +87,16 @@ fn patrol_that_takes_too_long_lands_and_a_restart_gives_it_no_more_time() {
     assert!((200..=210).contains(&bench.steps), "{}", bench.steps);
     assert_eq!(bench.landing(), Some(EarlyLanding::TimeOver));
 }
+
+/// It looked round at its first stop for ever.
+#[test]
+fn drone_that_does_not_turn_gives_its_stops_up() {
+    let mut bench = Bench::new(&room((80, 60), MapPose::new(1.0, 1.5, 0.0), 5.0));
+    while !bench.is_done() && bench.steps < 10_000 {
+        bench.velocity.turn_rps = 0.0;
+        bench.step(|_, echo| Some(echo));
+    }
+    assert!(bench.is_done());
+    let mut events = bench.events.iter();
+    assert!(events.any(|it| matches!(it, Event::GivenUp(_))));
+}
