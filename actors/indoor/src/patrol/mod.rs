@@ -17,6 +17,7 @@ mod tests;
 
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::time::Duration;
 
 use muster_machines::indoor::{Builder, Indoor};
 use muster_machines::machine::{Machine, Output};
@@ -90,7 +91,9 @@ impl Patrol {
     }
 
     fn tick(&mut self, now: Timestamp) {
-        let readings: Vec<Reading> = self.readings.drain(..).collect();
+        let at = Duration::from_nanos(now.as_nanos());
+        let waited = self.readings.drain(..);
+        let readings: Vec<Reading> = waited.filter(|it| at < it.expires).collect();
         let before = self.place.odometry();
         for change in self
             .sonars
@@ -176,7 +179,8 @@ impl Patrol {
     }
 }
 
-/// A reading; failed if its range is none that its sensor can measure.
+/// A reading; failed if its range is none that its sensor can measure. An echo from beyond its range is none: some drivers tell
+/// of it, and the sensor works.
 fn checked(reading: Reading) -> Reading {
     let Mounting {
         range_min_m,
@@ -184,6 +188,7 @@ fn checked(reading: Reading) -> Reading {
         ..
     } = reading.mounting;
     let echo = match reading.echo {
+        Echo::At(range_m) if range_m.is_finite() && range_m > range_max_m => Echo::Silence,
         Echo::At(range_m) if !(range_min_m..=range_max_m).contains(&range_m) => Echo::Failed,
         echo => echo,
     };

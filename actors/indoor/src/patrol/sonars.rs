@@ -145,9 +145,16 @@ impl Sonar {
         self.echoes = 0;
     }
 
+    /// Whether a reading came after one that was taken later and still holds.
+    fn is_overtaken(&self, now: Timestamp, reading: &Reading) -> bool {
+        let now = Duration::from_nanos(now.as_nanos());
+        let last = self.last.filter(|it| now < it.expires);
+        last.is_some_and(|last| reading.taken < last.taken)
+    }
+
     fn hear(&mut self, now: Timestamp, map: &Map, pose: MapPose, reading: &Reading) {
         // A failed measurement says nothing: what was heard before holds until it expires.
-        if reading.echo == Echo::Failed {
+        if reading.echo == Echo::Failed || self.is_overtaken(now, reading) {
             return;
         }
         self.last = Some(*reading);
@@ -262,5 +269,28 @@ mod tests {
             assert_eq!(judge(Some(Echo::Silence)), Some(Fault::Dead));
         }
         assert_eq!(judge(Some(Echo::At(1.0))), None);
+    }
+
+    #[test]
+    fn reading_that_comes_after_a_later_one_is_ignored() {
+        let pose = MapPose::new(1.0, 1.5, 0.0);
+        let config = room((80, 60), pose, 1.0);
+        let mut sonars = Sonars::new(&config);
+        let mounting = config.sonars[2];
+        let now = Timestamp::ZERO + Duration::from_secs(1);
+        let reading = |echo, taken_ms: u64| Reading {
+            mounting,
+            echo,
+            taken: Duration::from_millis(taken_ms),
+            expires: Duration::from_millis(taken_ms + 300),
+        };
+        let readings = [reading(Echo::At(0.25), 1_000), reading(Echo::Silence, 800)];
+        sonars.judge(now, &config, pose, &readings);
+        let heard: Vec<Echo> = sonars.watches(now).into_iter().map(|it| it.echo).collect();
+        assert_eq!(heard, [Echo::At(0.25)]);
+        // What no longer holds overtakes nothing.
+        let late = Timestamp::ZERO + Duration::from_secs(2);
+        sonars.judge(late, &config, pose, &[reading(Echo::At(3.0), 1_900)]);
+        assert_eq!(sonars.watches(late)[0].echo, Echo::At(3.0));
     }
 }

@@ -426,6 +426,51 @@ fn a_checkpoint_of_another_map_or_camera_is_ignored() {
     assert!(!goes_on(room((60, 80), start, 1.0)));
 }
 
+/// Some drivers give the range that an HC-SR04 heard beyond its 4 m; the sonar was then taken for dead.
+#[test]
+fn echo_from_beyond_the_range_is_silence_and_other_ranges_that_can_not_be_are_failures() {
+    let mounting = config().sonars[0];
+    let cases = [
+        (4.0, Echo::At(4.0)),
+        (4.5, Echo::Silence),
+        (0.02, Echo::Failed),
+        (-1.0, Echo::Failed),
+        (f64::NAN, Echo::Failed),
+        (f64::INFINITY, Echo::Failed),
+    ];
+    for (range_m, echo) in cases {
+        let reading = checked(Reading {
+            mounting,
+            echo: Echo::At(range_m),
+            taken: Duration::ZERO,
+            expires: Duration::from_secs(1),
+        });
+        assert_eq!(reading.echo, echo, "{range_m}");
+    }
+}
+
+/// They kept sonars alive that had said nothing for minutes.
+#[test]
+fn readings_that_have_expired_are_dropped() {
+    let mut bench = Bench::new(&config());
+    for step in 1..=10 {
+        let now = Timestamp::ZERO + PERIOD * (10 + step);
+        for mounting in bench.sonars.clone() {
+            let reading = Reading {
+                mounting,
+                echo: Echo::At(1.0),
+                taken: Duration::ZERO,
+                expires: Duration::from_secs(1),
+            };
+            bench.feed(now, Stimulus::Input(Input::Range(reading)));
+        }
+        bench.feed(now, Stimulus::Timeout);
+    }
+    let dead = bench.faults();
+    assert_eq!(dead.len(), 5);
+    assert!(dead.iter().all(|it| it.fault == Some(Fault::Dead)));
+}
+
 #[test]
 fn readings_that_wait_are_bounded() {
     let mut bench = Bench::new(&config());
