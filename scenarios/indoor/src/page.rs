@@ -179,7 +179,7 @@ fn track(prepared: &Prepared, campaign: &Campaign, first: &Outcome) -> Markup {
         at.collect::<Vec<_>>()
     });
     let touches = first.clearance.touches();
-    let targets = prepared.visible.targets();
+    let targets = prepared.config.places.targets();
     let unseen = first
         .unseen_targets
         .iter()

@@ -6,7 +6,7 @@ use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
-use muster_indoor::coverage::{self, Places, PlanError, Seen};
+use muster_indoor::coverage::{self, PlanError, Seen};
 use muster_indoor::frames::MapXy;
 use muster_indoor::path::Floor;
 use muster_indoor::patrol::{Config, Input, Patrol, Transmit, Velocity, thesis_sonars};
@@ -109,10 +109,9 @@ impl Setup {
 pub struct Prepared {
     /// The flat.
     pub flat: Flat,
-    /// The drone's configuration.
+    /// The drone's configuration. What its places see can be seen: the drone plans with a camera that sees a little less than its
+    /// own, and is judged by that plan.
     pub config: Config,
-    /// What the drone's camera can see.
-    pub visible: Arc<Places>,
 }
 
 impl Prepared {
@@ -125,7 +124,6 @@ impl Prepared {
         let starts = [flat.start.at];
         let view = flat.camera.cautious();
         let (tours, places) = coverage::plan(&floor, view, &starts, TURN_M)?;
-        let visible = Arc::new(Places::new(&floor, flat.camera, &starts)?);
         let stops = tours.into_iter().flat_map(|tour| tour.stops).collect();
         let config = Config {
             floor,
@@ -140,11 +138,7 @@ impl Prepared {
             acceleration_mps2: ACCELERATION_MPS2,
             lasts_max: LASTS_MAX,
         };
-        Ok(Self {
-            flat,
-            config,
-            visible,
-        })
+        Ok(Self { flat, config })
     }
 }
 
@@ -170,11 +164,7 @@ impl World {
     /// A flat at the begin of a patrol.
     #[must_use]
     pub fn new(prepared: &Prepared, setup: Setup) -> Self {
-        let Prepared {
-            flat,
-            config,
-            visible,
-        } = prepared;
+        let Prepared { flat, config } = prepared;
         let mut walkers = stream(setup.seed, 1);
         let odometry_rng = setup.noise.then(|| stream(setup.seed, 2));
         let people = flat.people.iter().filter(|_| setup.people);
@@ -191,8 +181,8 @@ impl World {
             sonar_rngs: sonars.map(|sonar| stream(setup.seed, 10 + sonar)).collect(),
             due: VecDeque::new(),
             deadline: Some(Timestamp::ZERO),
-            seen: Seen::none(visible.targets().len()),
-            outcome: Outcome::new(config, visible),
+            seen: Seen::none(config.places.targets().len()),
+            outcome: Outcome::new(config),
             prepared: prepared.clone(),
             setup,
             tick: 0,
@@ -249,7 +239,7 @@ impl World {
     /// What came of the patrol.
     #[must_use]
     pub fn finish(mut self) -> Outcome {
-        let unseen = self.seen.missing_of(self.prepared.visible.visible());
+        let unseen = self.seen.missing_of(self.prepared.config.places.visible());
         self.outcome.unseen_targets = unseen.collect();
         self.outcome
     }
@@ -285,7 +275,7 @@ impl World {
         }
         if self.tick.is_multiple_of(LOOK_TICKS) {
             let (map, view) = (&self.prepared.flat.map, self.prepared.flat.camera);
-            let targets = self.prepared.visible.targets();
+            let targets = self.prepared.config.places.targets();
             targets.look(map, self.robot.pose, view, &mut self.seen);
         }
         if self.tick.is_multiple_of(SAMPLE_TICKS) {
@@ -294,7 +284,7 @@ impl World {
                 .track
                 .sample(self.now(), self.robot.pose, people);
         }
-        let missing = self.seen.missing(self.prepared.visible.visible());
+        let missing = self.seen.missing(self.prepared.config.places.visible());
         self.outcome.progress(self.now(), missing, DURATION_MAX);
     }
 

@@ -199,6 +199,23 @@ fn passage() -> Prepared {
     Prepared::new(flat, Default::default()).expect("a flat to fly in")
 }
 
+/// Across a zone the drone's camera sees 20 cm farther than the drone counts with, so that it never came as near as it was asked to.
+#[test]
+fn patrol_is_judged_by_what_the_drone_plans_to_see() {
+    let wall = "#".repeat(26);
+    let row = format!("#{}{}#\n", ".".repeat(8), "x".repeat(16));
+    let text = format!(
+        "about = \"a zone\"\ncell_m = 0.25\nplan = '''\n{wall}\n{}{wall}\n'''\n\
+         start = {{ x_m = 1.0, y_m = 1.5, heading_deg = 0.0 }}\ncamera = {{ range_m = 3.0, cone_deg = 60.0 }}\n",
+        row.repeat(10)
+    );
+    let flat = Flat::parse(Path::new("zone"), &text).expect("a flat");
+    let prepared = Prepared::new(flat, Default::default()).expect("a flat to fly in");
+    let outcome = engine::run(&prepared, Setup::undisturbed());
+    check_safe(&outcome, "zone");
+    assert!(outcome.seen() >= SEEN_MIN, "{}", outcome.seen());
+}
+
 /// Round the person, the drone entered the zone, which only its paths kept out of.
 #[test]
 fn drone_that_meets_a_person_beside_a_zone_stays_out_of_the_zone() {

@@ -89,6 +89,8 @@ struct Stop {
     /// Its place in the tour. What is added on the way takes that of the stop before which it comes.
     turn: usize,
     tries: u32,
+    /// Whether it was added for what other stops left unseen.
+    is_extra: bool,
 }
 
 #[derive(Debug)]
@@ -121,6 +123,7 @@ impl Route {
             at: *at,
             turn,
             tries: 0,
+            is_extra: false,
         });
         Self {
             stops: stops.collect(),
@@ -253,6 +256,7 @@ impl Route {
                 at: place,
                 turn: self.stops.front().map_or(0, |next| next.turn),
                 tries: 0,
+                is_extra: true,
             });
         }
         if self.stops.is_empty() {
@@ -342,10 +346,12 @@ impl Route {
         *steps += 1;
         let (has_turned, is_late) = (*left_rad <= 0.0, *steps > LOOK_STEPS_MAX);
         if has_turned || adds(config, pose.at, seen) == 0 {
-            // What isn't seen from here is not tried again.
+            // What isn't seen from here is not tried again. The drone is a little beside its stop: what only that shows is tried from
+            // one extra stop more.
             if let Some(stop) = self.leave() {
+                let from = if stop.is_extra { stop.at } else { pose.at };
                 let map = config.floor.map();
-                config.places.look_round(map, stop.at, &mut self.tried);
+                config.places.look_round(map, from, &mut self.tried);
             }
             self.phase = Phase::Choosing;
         } else if is_late {

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use muster_indoor::coverage::Places;
 use muster_indoor::frames::{MapPose, MapXy, wrapped_rad};
 use muster_indoor::patrol::{Config, EarlyLanding, Event, SonarChange, Velocity};
 use muster_indoor::reading::Mounting;
@@ -179,8 +178,8 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    pub(super) fn new(config: &Config, visible: &Places) -> Self {
-        let visible = visible.visible().len();
+    pub(super) fn new(config: &Config) -> Self {
+        let visible = config.places.visible().len();
         Self {
             is_done: false,
             time: Duration::ZERO,

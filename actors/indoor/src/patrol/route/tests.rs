@@ -10,6 +10,7 @@ fn drone_beside_the_end_of_its_path_flies_there() {
         at: end,
         turn: 0,
         tries: 0,
+        is_extra: false,
     }]);
     let seen = Seen::none(config.places.targets().len());
     for beside in [
@@ -59,4 +60,36 @@ fn way_back_has_no_loops() {
     }
     let back: Vec<f64> = route.came_by.iter().map(|it| it.x_m).collect();
     assert_eq!(back, [1.2, 0.8, 0.4, 0.0]);
+}
+
+/// 20 cm beside a stop, other squares are hidden by a wall's end than at the stop.
+#[test]
+fn squares_that_only_the_exact_stop_shows_are_looked_for_once_more() {
+    let config = flat();
+    let mut route = Route::new(&config);
+    let (map, places) = (config.floor.map(), &config.places);
+    let stop = config.stops[0];
+    let beside = MapPose::new(stop.x_m + 0.15, stop.y_m + 0.1, 0.0);
+    let shown = |at: MapXy| {
+        let mut seen = Seen::none(places.targets().len());
+        places.look_round(map, at, &mut seen);
+        seen
+    };
+    let (from_stop, from_beside) = (shown(stop), shown(beside.at));
+    assert!(from_stop.missing(&from_beside) > 0 || from_beside.missing(&from_stop) > 0);
+    let seen = Seen::none(places.targets().len());
+    for (is_extra, written_off) in [(false, from_beside), (true, from_stop)] {
+        route.tried = seen.clone();
+        route.stops[0].is_extra = is_extra;
+        route.stops[0].at = stop;
+        route.phase = Phase::Looking(0.0, 0);
+        route.look(&config, beside, &seen, 0.1);
+        assert_eq!(route.tried, written_off);
+        route.stops.push_front(Stop {
+            at: stop,
+            turn: 0,
+            tries: 0,
+            is_extra: false,
+        });
+    }
 }
