@@ -133,7 +133,7 @@ impl Row {
 }
 
 /// A landing's cause, in words.
-const fn cause_of(landing: EarlyLanding) -> &'static str {
+pub(crate) const fn cause_of(landing: EarlyLanding) -> &'static str {
     match landing {
         EarlyLanding::NoSonar => "no sonar worked",
         EarlyLanding::PoseLost => "its pose was lost",

@@ -1,9 +1,8 @@
 //! The patrols of a campaign for programs.
 
-use muster_indoor::patrol::EarlyLanding;
 use serde::Serialize;
 
-use crate::campaign::{Campaign, Row};
+use crate::campaign::{Campaign, Row, cause_of};
 
 /// Patrols of one flat, as printed by `muster map patrol --json`.
 #[derive(Debug, Serialize)]
@@ -72,10 +71,7 @@ impl From<&Row> for Patrol {
             clearance_m: row.clearance_m,
             touches_by_drone,
             touches_by_people,
-            landed_because: row.landed.map(|why| match why {
-                EarlyLanding::NoSonar => "no sonar worked",
-                EarlyLanding::PoseLost => "its pose was lost",
-            }),
+            landed_because: row.landed.map(cause_of),
             stops_given_up: row.given_up,
             position_error_p95_m: row.error_p95_m,
             blind_motions: row.blind_motions,

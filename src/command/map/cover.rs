@@ -60,7 +60,7 @@ fn range(text: &str) -> Result<f64, String> {
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (name, map) = place::map(&arguments.map)?;
     let file = PageFile::new(arguments.out.as_deref(), &name, "cover")?;
-    let floor = Floor::new(map, arguments.radius);
+    let floor = place::floor(&map, arguments.radius);
     let start = arguments.start.or_else(|| middle(&floor));
     let start = start.ok_or_else(|| {
         let message = "a drone can't be anywhere on this map";
@@ -78,7 +78,7 @@ pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
         BadInput::without_excerpt(&arguments.map, error, help)
     })?;
     let paths: Vec<Vec<MapXy>> = tours.iter().map(|tour| flown(&floor, tour)).collect();
-    let page = page::cover(&name, floor.map(), &tours, &paths, &places);
+    let page = page::cover(&name, &map, &tours, &paths, &places);
     let file = file.write(&page)?;
     let (visible, all) = (places.visible().len(), places.targets().len());
     let mut text = format!(

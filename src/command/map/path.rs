@@ -44,10 +44,10 @@ pub(super) fn radius(text: &str) -> Result<f64, String> {
 pub(super) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     let (name, map) = place::map(&arguments.map)?;
     let file = PageFile::new(arguments.out.as_deref(), &name, "path")?;
-    let floor = Floor::new(map, arguments.radius);
+    let floor = place::floor(&map, arguments.radius);
     let path = find(arguments, &floor)?;
     let length_m: f64 = path.windows(2).map(|leg| leg[0].distance_m(leg[1])).sum();
-    let page = page::path(&name, floor.map(), arguments.radius, &path);
+    let page = page::path(&name, &map, arguments.radius, &path);
     let file = file.write(&page)?;
     let legs = plural(path.len().saturating_sub(1), "straight leg");
     let mut text = format!(" {} m in {legs}\n", figure(length_m, 1));

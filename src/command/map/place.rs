@@ -7,7 +7,8 @@ use std::sync::Arc;
 use muster_experiments::output;
 use muster_indoor::frames::MapXy;
 use muster_indoor::map::Map;
-use muster_indoor_world::flat::Flat;
+use muster_indoor::path::Floor;
+use muster_indoor_world::flat::{CELL_M, Flat};
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::map_file;
 
@@ -40,6 +41,11 @@ pub(super) fn map(named: &Path) -> Result<(String, Arc<Map>), BadInput> {
     }
     let name = named.file_stem().unwrap_or_default().to_string_lossy();
     Ok((name.into_owned(), Arc::new(map_file::load(named)?)))
+}
+
+/// The floor for a drone that keeps `radius_m` metres from walls. In large cells, doors that are wide enough would be closed.
+pub(super) fn floor(map: &Map, radius_m: f64) -> Floor {
+    Floor::new(Arc::new(map.split(CELL_M)), radius_m)
 }
 
 /// Most numbers that are tried.

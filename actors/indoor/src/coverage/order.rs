@@ -156,10 +156,14 @@ fn lengths_m(floor: &Floor, from: MapXy, to: &[MapXy]) -> Vec<f64> {
     lengths.map(metres).collect()
 }
 
-/// The free cells beside one, with the lengths of the steps.
+/// The free cells beside one, with the lengths of the steps. None leads through the corner of a cell that is not free.
 fn beside(floor: &Floor, at: usize) -> impl Iterator<Item = (usize, u32)> + '_ {
     let map = floor.map();
-    let Cell { column, row } = floor.cell(at);
+    let own = floor.cell(at);
+    let free = move |column: usize, row: usize| {
+        let index = map.index(Cell { column, row })?;
+        (floor.costs()[index] > 0).then_some(index)
+    };
     let steps = [
         (1, 0),
         (0, 1),
@@ -173,14 +177,14 @@ fn beside(floor: &Floor, at: usize) -> impl Iterator<Item = (usize, u32)> + '_ {
     steps
         .into_iter()
         .filter_map(move |(dx, dy): (isize, isize)| {
-            let column = column.checked_add_signed(dx)?;
-            let row = row.checked_add_signed(dy)?;
-            let to = map.index(Cell { column, row })?;
-            let length = if dx == 0 || dy == 0 {
-                STRAIGHT
-            } else {
-                DIAGONAL
-            };
-            (floor.costs()[to] > 0).then_some((to, length))
+            let column = own.column.checked_add_signed(dx)?;
+            let row = own.row.checked_add_signed(dy)?;
+            let to = free(column, row)?;
+            if dx == 0 || dy == 0 {
+                return Some((to, STRAIGHT));
+            }
+            free(column, own.row)?;
+            free(own.column, row)?;
+            Some((to, DIAGONAL))
         })
 }

@@ -3,6 +3,18 @@
 //! Source: A. Meijster, J. Roerdink, W. Hesselink, "A general algorithm for computing distance transforms in linear time",
 //! 2000: distances along columns first, then the lower envelope of parabolas along rows. Whole numbers only, so it is exact.
 
+use super::State;
+
+/// Metres from each cell's centre to the centre of the nearest occupied one; infinite if none is occupied.
+pub(super) fn metres(columns: usize, rows: usize, states: &[State], resolution_m: f64) -> Vec<f32> {
+    let squared = squared_cells(columns, rows, |cell| states[cell] == State::Occupied);
+    let metres = |squared: u32| match squared {
+        u32::MAX => f32::INFINITY,
+        squared => (f64::from(squared).sqrt() * resolution_m) as f32,
+    };
+    squared.into_iter().map(metres).collect()
+}
+
 /// Squared distances in cells from each cell's centre to the centre of the nearest marked cell; `u32::MAX` if none is marked.
 /// Distances of 65,536 cells and more are one less than `u32::MAX`.
 pub(super) fn squared_cells(

@@ -9,6 +9,7 @@ mod header;
 mod image;
 mod place;
 mod plan;
+mod split;
 #[cfg(test)]
 mod tests;
 mod yaml;
@@ -24,6 +25,9 @@ use place::Place;
 
 /// Most cells of a map: 100 m × 100 m at 5 cm.
 pub const CELLS_MAX: usize = 4_000_000;
+
+/// Length by which a distance may be too short by rounding, in cells.
+const ROUNDING_CELLS: f64 = 1e-9;
 
 /// What is known of a cell.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -110,12 +114,6 @@ impl Map {
             states,
             kept_out,
         } = grid;
-        let is_occupied = |cell: usize| states[cell] == State::Occupied;
-        let squared = distance::squared_cells(columns, rows, is_occupied);
-        let metres = |squared: u32| match squared {
-            u32::MAX => f32::INFINITY,
-            squared => (f64::from(squared).sqrt() * header.resolution_m) as f32,
-        };
         let yaw_rad = header.origin.heading_rad;
         let mut map = Self {
             columns,
@@ -123,7 +121,7 @@ impl Map {
             resolution_m: header.resolution_m,
             origin: header.origin,
             turn: (libm::sin(yaw_rad), libm::cos(yaw_rad)),
-            distances_m: squared.into_iter().map(metres).collect(),
+            distances_m: distance::metres(columns, rows, &states, header.resolution_m),
             states,
             kept_out,
         };
@@ -236,23 +234,36 @@ impl Map {
         index.map_or(f64::INFINITY, |index| f64::from(self.distances_m[index]))
     }
 
-    /// Which cells the centre of a drone of this radius can't be in, row by row from the bottom: those at most `radius_m` from
-    /// a cell that is occupied, unknown, kept out or outside of the map. Costs one pass over the map.
+    /// Which cells the centre of a drone of this radius can't be in, row by row from the bottom: those with a point less than
+    /// `radius_m` from a cell that is occupied, unknown, kept out or outside of the map, and such cells themselves. Costs two passes
+    /// over the map.
     #[must_use]
     pub fn inflated(&self, radius_m: f64) -> Vec<bool> {
         let is_blocked = |cell: usize| self.states[cell] != State::Free || self.kept_out[cell];
-        let radius_cells = radius_m / self.resolution_m;
-        let squared = distance::squared_cells(self.columns, self.rows, is_blocked);
-        let near = squared.into_iter().zip(self.cells());
-        let is_near = |(squared, cell): (u32, Cell)| {
+        let radius_cells = radius_m / self.resolution_m - ROUNDING_CELLS;
+        // The gap between two cells is the distance of one from the nearest of the nine cells about the other.
+        let is_beside = |index: usize| {
+            let (column, row) = (index % self.columns, index / self.columns);
+            let rows = row.saturating_sub(1)..(row + 2).min(self.rows);
+            rows.into_iter().any(|row| {
+                let columns = column.saturating_sub(1)..(column + 2).min(self.columns);
+                columns
+                    .into_iter()
+                    .any(|column| is_blocked(row * self.columns + column))
+            })
+        };
+        let squared = distance::squared_cells(self.columns, self.rows, is_beside);
+        let near = squared.into_iter().zip(self.cells()).enumerate();
+        let is_near = |(index, (squared, cell)): (usize, (u32, Cell))| {
             let sides = [
                 cell.column,
                 cell.row,
                 self.columns - 1 - cell.column,
                 self.rows - 1 - cell.row,
             ];
-            let edge = sides.into_iter().min().unwrap_or(0) as f64 + 1.0;
-            f64::from(squared) <= radius_cells * radius_cells || edge <= radius_cells
+            let edge = sides.into_iter().min().unwrap_or(0) as f64;
+            let gap = f64::from(squared).sqrt().min(edge);
+            is_blocked(index) || gap < radius_cells
         };
         near.map(is_near).collect()
     }

@@ -96,14 +96,38 @@ fn distances_are_between_centres() {
 
 #[test]
 fn inflated_cells_are_near_walls_zones_and_edges() {
-    let open = Map::from_text(".....\n.....\n..x..\n.....\n.....", 1.0).unwrap();
-    let blocked = open.inflated(1.0);
-    let drawn: Vec<String> = blocked
-        .chunks(5)
-        .map(|row| row.iter().map(|it| if *it { '#' } else { '.' }).collect())
-        .collect();
-    assert_eq!(drawn, ["#####", "#.#.#", "#####", "#.#.#", "#####"]);
+    let row = ".......\n";
+    let open = format!("{}...x...\n{}", row.repeat(3), row.repeat(3));
+    let open = Map::from_text(&open, 1.0).unwrap();
+    let drawn = |radius_m: f64| -> Vec<String> {
+        let blocked = open.inflated(radius_m);
+        let rows = blocked.chunks(7);
+        let row = |row: &[bool]| row.iter().map(|it| if *it { '#' } else { '.' }).collect();
+        rows.map(row).collect()
+    };
+    let near = [
+        "#######", "#.....#", "#.###.#", "#.###.#", "#.###.#", "#.....#", "#######",
+    ];
+    // A cell next to another is 0 m from it, the next one 1 m.
+    assert_eq!(drawn(0.1), near);
+    assert_eq!(drawn(1.0), near);
+    assert!(!drawn(1.1).concat().contains('.'));
     assert_eq!(open.inflated(0.0).iter().filter(|it| **it).count(), 1);
+}
+
+#[test]
+fn split_map_has_the_same_places_in_smaller_cells() {
+    let map = room().split(0.2);
+    assert_eq!((map.columns(), map.rows()), (24, 15));
+    for cell in map.cells() {
+        let (at, whole) = (map.centre(cell), room());
+        let of = whole.cell(at).unwrap();
+        assert_eq!(map.state(cell), whole.state(of));
+        assert_eq!(map.is_kept_out(cell), whole.is_kept_out(of));
+    }
+    assert_eq!(room().split(1.0).resolution_m(), room().resolution_m());
+    let wide = Map::from_text(&".".repeat(CELLS_MAX / 5), 1.0).unwrap();
+    assert_eq!(wide.split(0.05).resolution_m(), 0.5);
 }
 
 #[test]

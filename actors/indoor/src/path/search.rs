@@ -102,6 +102,11 @@ impl Search {
                 if x < 0 || y < 0 || x >= self.columns || y >= self.rows {
                     continue;
                 }
+                // Between two cells that touch at a corner there is no gap.
+                let beside = [row * self.columns + x, y * self.columns + column];
+                if beside.iter().any(|it| costs[*it as usize] == 0) {
+                    continue;
+                }
                 let to = (y * self.columns + x) as usize;
                 let cost = u32::from(costs[to]);
                 let spent = spent + length * cost;

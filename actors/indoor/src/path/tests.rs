@@ -1,5 +1,7 @@
 use std::sync::Arc;
 
+use proptest::prelude::*;
+
 use super::*;
 use crate::frames::MapXy;
 use crate::map::Map;
@@ -129,7 +131,7 @@ fn path_begins_and_ends_at_the_given_places() {
 fn nearest_free_cell_of_a_long_thin_map_is_found_at_once() {
     let columns = 1_000_000;
     let map = Arc::new(Map::from_text(&".".repeat(columns), 0.05).unwrap());
-    let floor = Floor::new(map, 0.01);
+    let floor = Floor::new(map, 0.0);
     let (sender, receiver) = std::sync::mpsc::channel();
     std::thread::spawn(move || {
         let middle = floor.nearest_free(MapXy::new(25_000.0, 0.02), 50_001.0);
@@ -141,4 +143,67 @@ fn nearest_free_cell_of_a_long_thin_map_is_found_at_once() {
     let [middle, beside, beyond] = found.expect("at once");
     assert!(middle.unwrap().column.abs_diff(columns / 2) <= 1);
     assert_eq!((beside.unwrap().column, beyond), (0, None));
+}
+
+#[test]
+fn closed_diagonal_wall_has_no_path_through_it() {
+    let plan = "
+######
+#..#.#
+#.#..#
+##...#
+######";
+    let map = Arc::new(Map::from_text(plan, 0.5).unwrap());
+    let floor = Floor::new(map, 0.0);
+    let (beyond, behind) = (MapXy::new(0.75, 1.75), MapXy::new(2.25, 0.75));
+    assert_eq!(floor.path(beyond, behind), None);
+    assert!(floor.path(MapXy::new(2.25, 1.75), behind).is_some());
+}
+
+/// Distance of a point from the nearest place outside of the room, or in a cell that isn't free.
+fn clearance_m(map: &Map, at: MapXy) -> f64 {
+    let size = |cells: usize| cells as f64 * map.resolution_m();
+    let (width_m, height_m) = (size(map.columns()), size(map.rows()));
+    let outside_m = [at.x_m, at.y_m, width_m - at.x_m, height_m - at.y_m];
+    let closed = map
+        .cells()
+        .filter(|cell| map.state(*cell) != crate::map::State::Free || map.is_kept_out(*cell));
+    let half_m = map.resolution_m() / 2.0;
+    let away_m = closed.map(|cell| {
+        let centre = map.centre(cell);
+        let beyond = |off_m: f64| (off_m.abs() - half_m).max(0.0);
+        libm::hypot(beyond(at.x_m - centre.x_m), beyond(at.y_m - centre.y_m))
+    });
+    away_m
+        .chain(outside_m)
+        .min_by(f64::total_cmp)
+        .unwrap_or(f64::INFINITY)
+}
+
+proptest! {
+    /// With cells of 50 cm and 25 cm to keep, paths led along walls and through their corners.
+    #[test]
+    fn path_keeps_its_distance_from_all_that_is_not_free(
+        cells in proptest::collection::vec(0_u8..12, 100),
+        cell_m in prop::sample::select(vec![0.05, 0.25, 0.5]),
+        radius_m in prop::sample::select(vec![0.0, 0.1, 0.25, 0.3]),
+        ends in [0.0..1.0, 0.0..1.0, 0.0..1.0, 0.0..1.0],
+    ) {
+        let drawn = |cell: &u8| ['#', 'x', '?'].get(usize::from(*cell)).copied().unwrap_or('.');
+        let rows: Vec<String> = cells.chunks(10).map(|row| row.iter().map(drawn).collect()).collect();
+        let map = Map::from_text(&rows.join("\n"), cell_m).unwrap();
+        let map = Arc::new(map.split(0.05));
+        let floor = Floor::new(Arc::clone(&map), radius_m);
+        let edge_m = 10.0 * cell_m;
+        let [x1, y1, x2, y2] = ends.map(|it| it * edge_m);
+        let path = floor.path(MapXy::new(x1, y1), MapXy::new(x2, y2)).unwrap_or_default();
+        for leg in path.windows(2) {
+            let (bearing_rad, length_m) = (leg[0].bearing_rad(leg[1]), leg[0].distance_m(leg[1]));
+            for step in 0..=20 {
+                let at = leg[0].towards(bearing_rad, length_m * f64::from(step) / 20.0);
+                let away_m = clearance_m(&map, at);
+                prop_assert!(away_m >= radius_m - 1e-9, "{away_m} at {at:?} of {path:?}");
+            }
+        }
+    }
 }
