@@ -6,7 +6,7 @@
 use std::f64::consts::PI;
 
 use super::tokens::Tokens;
-use super::{BEAMS_MAX, RANGE_MAX_M, STEPS_MAX, Scan, Step};
+use super::{BEAMS_MAX, RANGE_MAX_M, STEPS_MAX, Scan, Step, returned};
 use crate::frames::{MapPose, Motion, OdometryPose};
 use crate::refusal::Refusal;
 
@@ -104,9 +104,8 @@ fn robot_laser(words: &mut Tokens<'_>) -> Result<(Scan, OdometryPose), Refusal> 
 fn ranges(words: &mut Tokens<'_>) -> Result<Vec<Option<f32>>, Refusal> {
     let beams = words.count("the number of beams", (2, BEAMS_MAX))?;
     let range = |_| {
-        Ok(Some(
-            words.number("a range in metres", (0.0, RANGE_MAX_M))? as f32
-        ))
+        let range_m = words.number("a range in metres", (0.0, RANGE_MAX_M))?;
+        Ok(returned(range_m))
     };
     (0..beams).map(range).collect()
 }

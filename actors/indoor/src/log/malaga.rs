@@ -1,9 +1,9 @@
 //! The form in which scans of the Málaga data set come: a line a scan, of index, odometry since the line before (metres
-//! forward, metres left, radians), field of view (radians), the number of beams, and as many ranges from right to left, `-`
-//! or -1 where nothing came back.
+//! forward, metres left, radians), field of view (radians), the number of beams, and as many ranges from right to left, `-`,
+//! -1 or 0 where nothing came back.
 
 use super::tokens::Tokens;
-use super::{BEAMS_MAX, MOTION_MAX, RANGE_MAX_M, STEPS_MAX, Scan, Step};
+use super::{BEAMS_MAX, MOTION_MAX, RANGE_MAX_M, STEPS_MAX, Scan, Step, returned};
 use crate::frames::Motion;
 use crate::refusal::Refusal;
 
@@ -27,7 +27,7 @@ pub(super) fn parse(text: &str) -> Result<Vec<Step>, Refusal> {
         for _ in 0..beams {
             ranges_m.push(match words.take(&["-", "-1", "-1.000"]) {
                 true => None,
-                false => Some(words.number("a range in metres", (0.0, RANGE_MAX_M))? as f32),
+                false => returned(words.number("a range in metres", (0.0, RANGE_MAX_M))?),
             });
         }
         if let Some(word) = words.next() {

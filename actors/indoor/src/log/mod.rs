@@ -79,3 +79,8 @@ pub fn parse(text: &str) -> Result<Vec<Step>, Refusal> {
     }
     Ok(steps)
 }
+
+/// A range, if a beam returned: many lasers give 0 where none did.
+fn returned(range_m: f64) -> Option<f32> {
+    (range_m > 0.0).then_some(range_m as f32)
+}

@@ -38,6 +38,17 @@ fn carmen_ranges_at_the_lasers_maximum_are_no_return() {
     assert!((steps[0].scan.first_rad + 1.5).abs() < 1e-12);
 }
 
+/// A fifth of such ranges, taken for walls right before the laser, led the filter astray.
+#[test]
+fn ranges_of_zero_are_no_return() {
+    let ranges = |log: &str| parse(log).unwrap()[0].scan.ranges_m.clone();
+    let expected = [Some(1.0), None, None];
+    assert_eq!(ranges("0 0 0 0 3.1 3 1.0 0 0.000\n"), expected);
+    assert_eq!(ranges("FLASER 3 1.0 0 0.0 0 0 0 0 0 0 1 h 1\n"), expected);
+    let robot = "ROBOTLASER1 0 -1.5 3.0 0.5 81.9 0.01 0 3 1.0 0.00 0 0 0 0 0 1 2 0.5 0 0 0 0 0 1 h 1\n";
+    assert_eq!(ranges(robot), expected);
+}
+
 #[test]
 fn refusals_name_the_word_at_fault() {
     let place = |text: &str| {
