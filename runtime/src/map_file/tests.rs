@@ -77,6 +77,10 @@ fn broken_maps_are_refused_with_their_place() {
             format!("{GOOD}keep_out: [[[0, 0], [1, 1], [2]]]\n"),
         ),
         (
+            "marks no cell",
+            format!("{GOOD}keep_out: [[[90, 90], [91, 90], [91, 91]]]\n"),
+        ),
+        (
             "aliases",
             without("negate: 0", "negate: &a 0").replace("free_thresh: 0.196", "free_thresh: *a"),
         ),

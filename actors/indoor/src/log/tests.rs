@@ -45,7 +45,8 @@ fn ranges_of_zero_are_no_return() {
     let expected = [Some(1.0), None, None];
     assert_eq!(ranges("0 0 0 0 3.1 3 1.0 0 0.000\n"), expected);
     assert_eq!(ranges("FLASER 3 1.0 0 0.0 0 0 0 0 0 0 1 h 1\n"), expected);
-    let robot = "ROBOTLASER1 0 -1.5 3.0 0.5 81.9 0.01 0 3 1.0 0.00 0 0 0 0 0 1 2 0.5 0 0 0 0 0 1 h 1\n";
+    let robot =
+        "ROBOTLASER1 0 -1.5 3.0 0.5 81.9 0.01 0 3 1.0 0.00 0 0 0 0 0 1 2 0.5 0 0 0 0 0 1 h 1\n";
     assert_eq!(ranges(robot), expected);
 }
 

@@ -22,6 +22,8 @@ pub const CORNERS_MAX: usize = 200;
 const RESOLUTION_M: (f64, f64) = (0.001, 10.0);
 /// Farthest origin, in metres: f32 tables hold a place at this distance to a centimetre.
 const ORIGIN_MAX_M: f64 = 50_000.0;
+/// Farthest corner of a zone, in metres: beyond the largest map at the farthest origin.
+const CORNER_MAX_M: f64 = 2.0 * ORIGIN_MAX_M;
 /// Most cells that a character of a plan is split into, in a row.
 const CELLS_PER_CHARACTER_MAX: f64 = 100.0;
 
@@ -79,8 +81,17 @@ pub struct Header {
     pub occupied_thresh: f64,
     /// A cell is free below this occupancy, 0 to 1.
     pub free_thresh: f64,
-    /// Zones that are not to be entered; the corners of each.
-    pub keep_out: Vec<Vec<MapXy>>,
+    /// Zones that are not to be entered.
+    pub keep_out: Vec<Zone>,
+}
+
+/// A polygon. Its sides may cross: what an odd number of them separates from outside is inside.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Zone {
+    /// Its corners, at least three.
+    pub corners: Vec<MapXy>,
+    /// Where it stands in the text, in bytes.
+    pub span: Range<usize>,
 }
 
 impl Header {
@@ -313,9 +324,9 @@ impl<'a> Fields<'a> {
         }
     }
 
-    fn keep_out(&self) -> Result<Vec<Vec<MapXy>>, Refusal> {
+    fn keep_out(&self) -> Result<Vec<Zone>, Refusal> {
         let accepted = format!(
-            "`keep_out` takes up to {ZONES_MAX} zones, each a list of 3 to {CORNERS_MAX} corners [x, y] in metres"
+            "`keep_out` takes up to {ZONES_MAX} zones, each a list of 3 to {CORNERS_MAX} corners [x, y] in metres, up to {CORNER_MAX_M}"
         );
         let Some(value) = self.find("keep_out") else {
             return Ok(Vec::new());
@@ -336,14 +347,20 @@ impl<'a> Fields<'a> {
                 }
             };
             let corner = |value: &Value| match numbers(value).as_deref() {
-                Some(&[x_m, y_m]) => Ok(MapXy::new(x_m, y_m)),
+                Some(&[x_m, y_m]) if x_m.abs().max(y_m.abs()) <= CORNER_MAX_M => {
+                    Ok(MapXy::new(x_m, y_m))
+                }
                 _ => Err(Refusal::new(
                     value.span.clone(),
                     "this is no corner",
                     accepted.clone(),
                 )),
             };
-            corners.iter().map(corner).collect()
+            let corners: Result<Vec<MapXy>, Refusal> = corners.iter().map(corner).collect();
+            corners.map(|corners| Zone {
+                corners,
+                span: zone.span.clone(),
+            })
         };
         zones.iter().map(zone).collect()
     }

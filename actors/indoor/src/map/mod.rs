@@ -19,7 +19,7 @@ use crate::digest;
 use crate::frames::{MapPose, MapXy};
 use crate::refusal::Refusal;
 use header::Source;
-pub use header::{CORNERS_MAX, Header, Mode, TEXT_SIZE_MAX, ZONES_MAX};
+pub use header::{CORNERS_MAX, Header, Mode, TEXT_SIZE_MAX, ZONES_MAX, Zone};
 pub use image::{IMAGE_SIZE_MAX, ImageError};
 use place::Place;
 
@@ -80,13 +80,13 @@ impl Map {
     /// [`Header::image`] names, and is not looked at if the text draws the map.
     ///
     /// # Errors
-    /// If the plan or the image can't be used.
+    /// If the plan or the image can't be used, or a zone that is not to be entered lies outside of the map.
     pub fn parse(header: &Header, image: &[u8]) -> Result<Self, MapError> {
         let grid = match &header.source {
             Source::Image(_) => plan::of_image(header, &image::decode(image)?),
             Source::Plan { text, cells, place } => plan::of_text(text, *cells, place)?,
         };
-        Ok(Self::new(header, grid))
+        Ok(Self::new(header, grid)?)
     }
 
     /// A plan drawn as text, one cell of `resolution_m` for a character: `#` occupied, `.` free, `x` free but not to be
@@ -104,10 +104,10 @@ impl Map {
     /// ```
     pub fn from_text(plan: &str, resolution_m: f64) -> Result<Self, Refusal> {
         let grid = plan::of_text(plan, 1, &Place::of_all(plan))?;
-        Ok(Self::new(&Header::of_plan(resolution_m), grid))
+        Self::new(&Header::of_plan(resolution_m), grid)
     }
 
-    fn new(header: &Header, grid: plan::Grid) -> Self {
+    fn new(header: &Header, grid: plan::Grid) -> Result<Self, Refusal> {
         let plan::Grid {
             columns,
             rows,
@@ -126,9 +126,9 @@ impl Map {
             kept_out,
         };
         for zone in &header.keep_out {
-            map.keep_out(zone);
+            map.keep_out(zone)?;
         }
-        map
+        Ok(map)
     }
 
     /// Cells along the x axis.

@@ -142,6 +142,36 @@ fn zones_cover_the_cells_within_their_corners() {
     assert!(kept.iter().all(|cell| cell.column < 2 && cell.row < 4));
 }
 
+fn zoned(corners: &str) -> Result<Map, MapError> {
+    let text = format!(
+        "resolution: 0.5\norigin: [1.0, 2.0, 0.3]\nkeep_out: [{corners}]\nplan: |{}\n",
+        "\n  ......".repeat(5)
+    );
+    let header = Header::parse(&text)?;
+    Map::parse(&header, &[])
+}
+
+/// A zone that covers no centre of a cell was lost without a word.
+#[test]
+fn small_zones_close_the_cell_that_they_lie_in_and_zones_off_the_map_are_refused() {
+    let small = zoned("[[1.2, 2.2], [1.25, 2.2], [1.25, 2.25]]").unwrap();
+    let kept: Vec<Cell> = small.cells().filter(|it| small.is_kept_out(*it)).collect();
+    assert_eq!(kept, [small.cell(MapXy::new(1.22, 2.21)).unwrap()]);
+    let away = "[[-9, -9], [-8, -9], [-8, -8]]";
+    for (corners, at_fault, message) in [
+        (away, away, "marks no cell"),
+        ("[[0, 0], [1e9, 0], [0, 1e9]]", "[1e9, 0]", "no corner"),
+    ] {
+        let Err(MapError::Text(refusal)) = zoned(corners) else {
+            panic!("{corners}");
+        };
+        assert!(refusal.message.contains(message), "{refusal}");
+        let begin = "resolution: 0.5\norigin: [1.0, 2.0, 0.3]\nkeep_out: [".len();
+        let at = begin + corners.find(at_fault).unwrap();
+        assert_eq!(refusal.span, at..at + at_fault.len());
+    }
+}
+
 #[test]
 fn a_plan_in_the_file_is_the_same_as_one_given_as_text() {
     let text = format!(
@@ -209,5 +239,33 @@ proptest! {
         prop_assert!((0..100).all(|step| is_free(range_m * f64::from(step) / 100.1)));
         // A ray may leave a cell through its corner, where a step beyond is in the wall for less than rounding.
         prop_assert!(!is_free(range_m + 1e-6) || !is_free(range_m + 1e-9));
+    }
+
+    #[test]
+    fn zone_closes_each_cell_that_it_touches(
+        corners in proptest::collection::vec((-0.5..4.0, 1.0..5.5), 3..7),
+    ) {
+        let corners: Vec<MapXy> = corners.into_iter().map(|(x, y)| MapXy::new(x, y)).collect();
+        let text: Vec<String> = corners.iter().map(|it| format!("[{}, {}]", it.x_m, it.y_m)).collect();
+        let Ok(map) = zoned(&format!("[{}]", text.join(", "))) else {
+            return Ok(());
+        };
+        let is_inside = |at: MapXy| {
+            let sides = (0..corners.len()).map(|it| (corners[it], corners[(it + 1) % corners.len()]));
+            let crossed = sides.filter(|(a, b)| {
+                let share = (at.y_m - a.y_m) / (b.y_m - a.y_m);
+                (a.y_m <= at.y_m) != (b.y_m <= at.y_m) && a.x_m + share * (b.x_m - a.x_m) > at.x_m
+            });
+            crossed.count() % 2 == 1
+        };
+        for cell in map.cells() {
+            let points = (0..100).map(|it| {
+                let off = |it: i32| (f64::from(it) + 0.5) / 10.0 - 0.5;
+                let centre = MapPose { at: map.centre(cell), ..map.origin() };
+                centre.place(crate::frames::BodyXy::new(0.5 * off(it % 10), 0.5 * off(it / 10)))
+            });
+            let touched = points.filter(|it| is_inside(*it)).count();
+            prop_assert!(touched == 0 || map.is_kept_out(cell), "{cell:?}");
+        }
     }
 }
