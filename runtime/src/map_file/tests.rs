@@ -37,7 +37,7 @@ fn broken_maps_are_refused_with_their_place() {
     let plan = |rows: &str| format!("resolution: 0.1\nplan: |\n{rows}");
     let resolution = |value: &str| without("0.05", value);
     // The text that the error shows, which contains the place, and the broken map.
-    let texts: [(&str, String); 24] = [
+    let texts: [(&str, String); 25] = [
         ("images", without("image:", "images:")),
         (
             "did you mean `resolution`",
