@@ -100,3 +100,24 @@ fn drone_that_does_not_turn_gives_its_stops_up() {
     let mut events = bench.events.iter();
     assert!(events.any(|it| matches!(it, Event::GivenUp(_))));
 }
+
+/// With sonars alone, wrong poses fit well: it flew by them for minutes.
+#[test]
+fn drone_that_is_carried_away_notices_and_finds_its_pose() {
+    let flat = include_str!("../../../../../scenarios/indoor/flats/flat.toml");
+    let plan = flat.split("'''").nth(1).expect("a plan");
+    let config = config_of(&map_of(plan), MapPose::new(1.0, 3.9, 0.0), 3.8);
+    for (x_m, y_m, heading_rad) in [(8.0, 1.5, 3.0), (2.0, 6.5, -2.0), (8.5, 3.9, 0.0)] {
+        let mut bench = Bench::new(&config);
+        for _ in 0..150 {
+            bench.step(|_, echo| Some(echo));
+        }
+        bench.pose = MapPose::new(x_m, y_m, heading_rad);
+        for _ in 0..300 {
+            bench.step(|_, echo| Some(echo));
+        }
+        let error_m = bench.patrol.place.pose().at.distance_m(bench.pose.at);
+        let is_lost = bench.patrol.place.is_lost();
+        assert!(!is_lost && error_m < 0.3, "{x_m}, {y_m}: {error_m} m");
+    }
+}
