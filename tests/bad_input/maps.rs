@@ -173,7 +173,7 @@ fn zones_that_close_the_way_are_named() {
 
 #[test]
 fn drones_without_a_stop_are_counted() {
-    let plan = "resolution: 0.5\nplan: |\n  #####\n  #...#\n  #####\n";
+    let plan = "resolution: 0.5\nplan: |\n  #####\n  #...#\n  #...#\n  #####\n";
     let folder = folder(plan, IMAGE);
     let cover = |drones: &str, name: &str| {
         let cover = ["map", "cover", "floor.yaml", "--drones", drones];

@@ -121,16 +121,13 @@ pub(crate) fn in_flight(configs: &[Config]) -> Vec<Arc<Drone>> {
     let master = configs[0].layout.formation().centre().0 as usize;
     drones[master].handle(Input::Fly);
     exchange(&mut drones);
-    for input in [
-        Input::Navigation(navigation::Notice::Arrived(navigation::Goal::Hold)),
-        Input::Routing(Notice::RoutesReady),
-    ] {
-        for drone in &mut drones {
-            drone.handle(input.clone());
-        }
-        if let Input::Navigation(_) = input {
-            exchange(&mut drones);
-        }
+    for (drone, config) in drones.iter_mut().zip(configs) {
+        let arrived = navigation::Notice::Arrived(take_off(config));
+        drone.handle(Input::Navigation(arrived));
+    }
+    exchange(&mut drones);
+    for drone in &mut drones {
+        drone.handle(Input::Routing(Notice::RoutesReady));
     }
     drones[master].handle_all(Flaw::None);
     let order = drones[master].frame().expect("the master leads");
@@ -141,6 +138,17 @@ pub(crate) fn in_flight(configs: &[Config]) -> Vec<Arc<Drone>> {
         drone.sent = Arc::new(drone.frame().into_iter().collect());
     }
     drones.into_iter().map(Arc::new).collect()
+}
+
+/// The goal of a drone that takes off.
+fn take_off(config: &Config) -> navigation::Goal {
+    let to = config.layout.slot(config.id, config.mission[0]);
+    let layer_m = config.layout.take_off_layers_m()[config.id.0 as usize];
+    navigation::Goal::TakeOff {
+        to,
+        transit_altitude_m: to.altitude_m() + layer_m,
+        arm: true,
+    }
 }
 
 /// All drones exchange frames until nothing changes.
