@@ -3,8 +3,9 @@
     python bench/mule.py PATH_OF_THE_EXAMPLE_agents
 
 Needs PyPI's gradysim, the wheel of muster, and the example `agents` built for release. The world is the same: places, range,
-losses, mean speed, one call and one measurement a second. gradysim's vehicles have no take-off and no landing, and its radio no
-acknowledgements: there the mule asks again until it is answered. Its vehicles move in steps of 10 ms, its default.
+losses, mean speed, one call and one measurement a second. gradysim's drones are in no swarm; ours leave it once they fly. Its
+vehicles have no take-off and no landing, and its radio no acknowledgements: there the mule asks again until it is answered.
+Its vehicles move in steps of 10 ms, its default.
 """
 
 import csv
