@@ -49,7 +49,12 @@ fn flown(leavers: &'static [u32], fields: &[(&str, &str)]) -> Report {
         leaves: leavers.contains(&id.0),
         heard: 0,
     };
-    fly(&sim.agents(move |id| Box::new(new(id))).unwrap()).report
+    let run = fly(&sim.agents(move |id| Box::new(new(id))).unwrap());
+    for node in &run.flight.history.nodes {
+        let leaves = node.epochs.iter().any(|(_, epoch)| epoch.is_none());
+        assert_eq!(leaves, leavers.contains(&node.id), "drone {}", node.id);
+    }
+    run.report
 }
 
 #[test]

@@ -56,8 +56,9 @@ impl History {
                 }
                 Incident::Follows(ballot) => {
                     let index = epoch(&mut self.epochs, &mut epochs, ballot, at);
-                    node.epochs.push((at, index));
+                    node.epochs.push((at, Some(index)));
                 }
+                Incident::Leaves => node.epochs.push((at, None)),
                 what => {
                     if let Some(condition) = condition(what, &node.conditions) {
                         node.conditions.push((at, condition));
@@ -104,6 +105,7 @@ fn condition(what: Incident, before: &[(Timestamp, Condition)]) -> Option<Condit
         Incident::Resumed => after_hang(before),
         Incident::Routes { .. }
         | Incident::Follows(_)
+        | Incident::Leaves
         | Incident::Lands(_)
         | Incident::Hangs(Some(_))
         | Incident::Restarts(_) => None,

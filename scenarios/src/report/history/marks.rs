@@ -104,6 +104,7 @@ fn incident(id: u32, leads: bool, what: Incident) -> Option<(MarkKind, String)> 
         Incident::Lands(LandingReason::MissionOver)
         | Incident::Hangs(Some(_))
         | Incident::Routes { .. }
+        | Incident::Leaves
         | Incident::Follows(_) => return None,
         Incident::Lands(reason) => (
             MarkKind::Landing,
@@ -115,7 +116,7 @@ fn incident(id: u32, leads: bool, what: Incident) -> Option<(MarkKind, String)> 
 /// Whether a node follows its own ballot.
 fn leads(history: &History, id: u32, at: Timestamp) -> bool {
     let node = history.nodes.iter().find(|node| node.id == id);
-    let epoch = node.and_then(|node| super::NodeHistory::at(&node.epochs, at));
+    let epoch = node.and_then(|node| node.epoch_at(at));
     epoch.is_some_and(|epoch| history.epochs[epoch].master == id)
 }
 

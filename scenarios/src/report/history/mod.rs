@@ -34,8 +34,8 @@ pub struct NodeHistory {
     pub id: u32,
     /// Its routes to the master.
     pub routes: Vec<(Timestamp, Route)>,
-    /// The leader epochs that it followed, as indices in [`History::epochs`].
-    pub epochs: Vec<(Timestamp, usize)>,
+    /// The leader epochs that it followed, as indices in [`History::epochs`]; `None` once it has left the swarm.
+    pub epochs: Vec<(Timestamp, Option<usize>)>,
     /// Its conditions; it runs before the first one.
     pub conditions: Vec<(Timestamp, Condition)>,
     /// When its vehicle took off and landed.
@@ -207,6 +207,12 @@ impl NodeHistory {
         let next = list.partition_point(|&(since, _)| since <= at);
         let last = next.checked_sub(1)?;
         list.get(last).map(|&(_, value)| value)
+    }
+
+    /// The leader epoch that it follows at a time, as an index in [`History::epochs`].
+    #[must_use]
+    pub fn epoch_at(&self, at: Timestamp) -> Option<usize> {
+        Self::at(&self.epochs, at).flatten()
     }
 
     /// Its condition at a time.

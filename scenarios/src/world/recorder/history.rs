@@ -44,6 +44,8 @@ pub(crate) enum Incident {
     },
     /// It follows this leader, perhaps itself.
     Follows(Ballot),
+    /// It leaves the swarm, to follow nobody.
+    Leaves,
     /// It goes to land.
     Lands(LandingReason),
     /// Its companion computer died.

@@ -196,6 +196,9 @@ impl Recorder {
                 if is_in_discovery_or_beyond(state) {
                     self.traffic.begin(self.index(id));
                 }
+                if state == State::Independent {
+                    self.history.happens(now, id, Incident::Leaves);
+                }
                 self.milestones.enters(now, before, state, sent);
             }
             mission::Event::Landing(reason) => {

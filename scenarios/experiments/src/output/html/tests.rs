@@ -163,7 +163,7 @@ fn range_is_drawn_around_the_master_of_the_marks() {
     flight.history.nodes = (0..5)
         .map(|id| NodeHistory {
             id,
-            epochs: vec![(Timestamp::ZERO, 0), (later, 1)],
+            epochs: vec![(Timestamp::ZERO, Some(0)), (later, Some(1))],
             ..NodeHistory::default()
         })
         .collect();

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use muster_machines::geometry::Ned;
 use muster_machines::time::Timestamp;
 use muster_runtime::text::figure_or_dash;
-use muster_scenarios::report::{DroneReport, Flight, FlightOfDrone, History, NodeHistory, Report};
+use muster_scenarios::report::{DroneReport, Flight, FlightOfDrone, History, Report};
 
 use super::frame::Frame;
 use super::{mark, track};
@@ -65,7 +65,7 @@ impl End {
 fn leader_at(history: &History, at: Timestamp, of: impl Fn(u32) -> bool) -> Option<u32> {
     let mut followers: BTreeMap<u32, usize> = BTreeMap::new();
     let nodes = history.nodes.iter().filter(|node| of(node.id));
-    for epoch in nodes.filter_map(|node| NodeHistory::at(&node.epochs, at)) {
+    for epoch in nodes.filter_map(|node| node.epoch_at(at)) {
         *followers.entry(history.epochs[epoch].master).or_default() += 1;
     }
     let most = followers

@@ -52,7 +52,7 @@ class Panel {
       const others = members.length - (leader ? 1 : 0);
       const count = `${others} drone${others === 1 ? "" : "s"}`;
       if (leader) return { epoch, text: `drone ${leader.id} leads ${others === 0 ? "no other drone" : count}`, lead: true };
-      if (epoch < 0) return { epoch, text: `${count} without a leader yet`, lead: false };
+      if (epoch < 0) return { epoch, text: `${count} without a leader`, lead: false };
       return { epoch, text: `${count} still ${others === 1 ? "follows" : "follow"} drone ${this.record.epochs[epoch].master}`, lead: false };
     });
     if (lines.length === 0) lines.push({ epoch: -1, text: "no drone flies any more", lead: false });
@@ -88,7 +88,7 @@ class Panel {
     const hops = now.leads ? "leads" : now.hops < 0 ? "no route" : `${now.hops}`;
     const rows = [
       ["State", `${condition}${state}`],
-      ["Leader", epoch ? `drone ${epoch.master}, term ${epoch.term}` : "none yet"],
+      ["Leader", epoch ? `drone ${epoch.master}, term ${epoch.term}` : "none"],
       ["Parent", now.leads || now.parent < 0 ? "–" : `drone ${now.parent}`],
       ["Hops to leader", hops],
       ["Waypoint", now.waypoint < 0 ? "–" : `${now.waypoint}`],

@@ -222,7 +222,7 @@ fn of_swarm(
             })
             .collect(),
         epochs: (history.epochs.iter())
-            .flat_map(|&(at, epoch)| [ms(at), int(first_epoch + epoch)])
+            .flat_map(|&(at, epoch)| [ms(at), epoch.map_or(-1, |it| int(first_epoch + it))])
             .collect(),
         conditions: (history.conditions.iter())
             .flat_map(|&(at, condition)| [ms(at), int(index_of(&CONDITIONS, &condition))])

@@ -94,7 +94,7 @@ impl<'a> DrawnDrone<'a> {
     }
 
     fn epoch(&self, at: Timestamp) -> Option<usize> {
-        NodeHistory::at(&self.history.epochs, at)
+        self.history.epoch_at(at)
     }
 
     fn leads(&self, at: Timestamp) -> bool {

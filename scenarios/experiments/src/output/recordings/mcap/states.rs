@@ -70,7 +70,7 @@ impl<'a> Drone<'a> {
 
     /// The leader epoch that it follows, and its index among those of all swarms.
     pub(super) fn epoch(&self, at: Timestamp) -> Option<(usize, Epoch)> {
-        let index = NodeHistory::at(&self.history?.epochs, at)?;
+        let index = self.history?.epoch_at(at)?;
         Some((self.first_epoch + index, self.epochs[index]))
     }
 
