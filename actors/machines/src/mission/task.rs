@@ -3,7 +3,7 @@
 //! The master lists the drones on task in an order, and repeats it when the list changes. Drones acknowledge it, so a newly
 //! elected master learns who is there.
 //!
-//! A drone may leave the swarm. Its agent then decides until the drone lands, whoever leads the others.
+//! A drone may leave the swarm. Its agent then decides until the drone lands; the drone follows no master any more.
 
 use super::{LandingReason, Lead, Mission, Order, State, Transmit};
 use crate::identity::{NodeId, NodeSet};

@@ -2,38 +2,44 @@
 
 use super::*;
 
+type Cause = fn(&mut Drone) -> (Vec<Transmit>, Vec<Event>);
+
+/// Failures that land a drone, in the swarm or not.
+pub(super) const FAILURES: [(LandingReason, Cause); 3] = [
+    (LandingReason::ActorGivenUp, |drone| {
+        drone.input(Input::GiveUp)
+    }),
+    (LandingReason::FlightTime, |drone| drone.wait(601 * SECOND)),
+    (LandingReason::BatteryLow, |drone| {
+        drone.input(Input::Navigation(NavigationNotice::Failing {
+            failure: Failure::BatteryLow,
+            stop: Ned::HOME,
+            is_airborne: true,
+        }))
+    }),
+];
+
+pub(super) fn assert_lands(mut drone: Drone, (reason, cause): (LandingReason, Cause)) {
+    let (transmits, events) = cause(&mut drone);
+    assert_eq!(goals(&transmits).last(), Some(&Goal::Land), "{reason:?}");
+    assert!(events.contains(&Event::Landing(reason)), "{reason:?}");
+}
+
 #[test]
 fn operators_and_failures_land_the_drone_whatever_its_agent_does() {
-    type Cause = fn(&mut Drone) -> (Vec<Transmit>, Vec<Event>);
-    let causes: [(LandingReason, Cause); 4] = [
-        (LandingReason::MissionOver, |drone| {
-            drone.order(
-                4,
-                &Order::Land {
-                    at: Ned::HOME,
-                    changes: 0,
-                    wave: 0,
-                    apart: true,
-                },
-            )
-        }),
-        (LandingReason::ActorGivenUp, |drone| {
-            drone.input(Input::GiveUp)
-        }),
-        (LandingReason::FlightTime, |drone| drone.wait(601 * SECOND)),
-        (LandingReason::BatteryLow, |drone| {
-            drone.input(Input::Navigation(NavigationNotice::Failing {
-                failure: Failure::BatteryLow,
-                stop: Ned::HOME,
-                is_airborne: true,
-            }))
-        }),
-    ];
-    for (reason, cause) in causes {
-        let mut drone = member_on_task();
-        let (transmits, events) = cause(&mut drone);
-        assert_eq!(goals(&transmits).last(), Some(&Goal::Land), "{reason:?}");
-        assert!(events.contains(&Event::Landing(reason)), "{reason:?}");
+    let ordered: (LandingReason, Cause) = (LandingReason::MissionOver, |drone| {
+        drone.order(
+            4,
+            &Order::Land {
+                at: Ned::HOME,
+                changes: 0,
+                wave: 0,
+                apart: true,
+            },
+        )
+    });
+    for cause in FAILURES.into_iter().chain([ordered]) {
+        assert_lands(member_on_task(), cause);
     }
 }
 

@@ -1,5 +1,6 @@
 //! Agents whose drone leaves the swarm.
 
+use super::failures::{FAILURES, assert_lands};
 use super::*;
 use crate::mission::State;
 
@@ -53,25 +54,11 @@ fn restarted_routing_and_mission_stay_out_of_the_swarm() {
 
 #[test]
 fn failsafes_land_a_drone_that_has_left() {
-    type Cause = fn(&mut Drone) -> (Vec<Transmit>, Vec<Event>);
-    let causes: [(LandingReason, Cause); 4] = [
-        (LandingReason::MissionOver, |drone| drone.message(b"land")),
-        (LandingReason::ActorGivenUp, |drone| {
-            drone.input(Input::GiveUp)
-        }),
-        (LandingReason::FlightTime, |drone| drone.wait(601 * SECOND)),
-        (LandingReason::BatteryLow, |drone| {
-            drone.input(Input::Navigation(NavigationNotice::Failing {
-                failure: Failure::BatteryLow,
-                stop: Ned::HOME,
-                is_airborne: true,
-            }))
-        }),
-    ];
-    for (reason, cause) in causes {
-        let (mut drone, _) = independent();
-        let (transmits, events) = cause(&mut drone);
-        assert_eq!(goals(&transmits).last(), Some(&Goal::Land), "{reason:?}");
-        assert!(events.contains(&Event::Landing(reason)), "{reason:?}");
+    for cause in FAILURES {
+        assert_lands(independent().0, cause);
     }
+    assert_lands(
+        independent().0,
+        (LandingReason::MissionOver, |drone| drone.message(b"land")),
+    );
 }
