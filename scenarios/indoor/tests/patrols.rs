@@ -121,7 +121,7 @@ fn both_engines_give_the_same_patrol() {
 
 #[test]
 fn page_lists_failed_patrols_and_marks_what_was_not_seen() {
-    let flat = prepared("flat");
+    let flat = passage();
     let seeds = "1..3".parse().unwrap();
     let jobs = NonZeroUsize::MIN;
     let mut patrols = campaign::run(&flat, seeds, &[], jobs, |_| ());
@@ -143,7 +143,7 @@ fn page_lists_failed_patrols_and_marks_what_was_not_seen() {
 
 #[test]
 fn seeds_differ_and_repeat() {
-    let flat = prepared("flat");
+    let flat = passage();
     let one = engine::run(&flat, Setup::seeded(1));
     assert!(one == engine::run(&flat, Setup::seeded(1)));
     assert!(one != engine::run(&flat, Setup::seeded(2)));
