@@ -55,6 +55,31 @@ fn exposure_is_refused_unless_accepted_or_resolved_by_avoidance() {
 }
 
 #[test]
+fn drones_that_follow_and_share_layers_are_exposed_to_apart() {
+    let folder = Folder::new();
+    let check = |altitude_max_m: u32, accept: &str| {
+        let scenario = SCENARIO.replacen("liveness = \"thesis\"", "kind = \"follow\"", 1)
+            + &format!("\n[limits]\naltitude_max_m = {altitude_max_m}\naccept = [{accept}]\n");
+        folder.write("scenario.toml", scenario);
+        let (code, [_, error]) = folder.muster(&["check", "scenario.toml"]);
+        (code, error)
+    };
+    let all_but_apart = "\"late\", \"descends\", \"killed\"";
+    let (code, error) = check(30, all_but_apart);
+    assert_eq!(code, Some(2));
+    contains(
+        &error,
+        &["off the lines", "add \"apart\" to `limits.accept`"],
+    )
+    .unwrap();
+    let (code, error) = check(30, "\"late\", \"apart\", \"descends\", \"killed\"");
+    assert_eq!(code, Some(0), "{error}");
+    // With a layer for each drone.
+    let (code, error) = check(100, all_but_apart);
+    assert_eq!(code, Some(0), "{error}");
+}
+
+#[test]
 fn drones_out_of_the_masters_reach_need_a_layer_each() {
     let folder = Folder::new();
     let check = |altitude_max_m: u32, protocol: &str, accept: &str| {
@@ -73,7 +98,7 @@ fn drones_out_of_the_masters_reach_need_a_layer_each() {
         "`limits.altitude_max_m`",
     ];
     contains(&error, &says).unwrap();
-    let all = "accept = [\"late\", \"apart\", \"descends\", \"killed\"]";
+    let all = "accept = [\"late\", \"apart\", \"descends\", \"killed\", \"out-of-reach\"]";
     for (altitude_max_m, protocol, accept) in [
         (60, "", ""),
         (30, "succession = \"land\"", ""),

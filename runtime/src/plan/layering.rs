@@ -5,7 +5,8 @@ use std::time::Duration;
 
 use crate::diagnostic::BadInput;
 use muster_machines::formation::{
-    Change, FlightPlan, Layering, Layout, PlannedFlight, SEARCHED_MAX, Separation, WaveLimits,
+    Change, FlightPlan, Layering, Layout, PlannedFlight, SEARCHED_MAX, Separation, Unreached,
+    WaveLimits,
 };
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
@@ -16,6 +17,7 @@ use super::file::Source;
 use super::formation;
 use super::limits::highest_layer_m;
 use super::raw::Raw;
+use super::separation::{describe_unreached, refuses_unreached, unreached_error};
 
 /// Height above the mission that is available for altitude layers.
 pub(super) struct Headroom {
@@ -131,6 +133,29 @@ impl Candidate {
 }
 
 impl Swarm<'_> {
+    fn planned<'a>(&'a self, layout: &'a Layout, changes: &'a [Change]) -> PlannedFlight<'a> {
+        PlannedFlight {
+            flight: FlightPlan {
+                layout,
+                changes,
+                waypoints: self.waypoints,
+            },
+            vehicle: self.vehicle,
+            settle: self.settle,
+            range_m: self.headroom.range_m,
+            relays: self.relays,
+        }
+    }
+
+    /// The error of a candidate that leaves drones out of the master's reach for longer than tolerated.
+    fn unreached_error(&self, plan: (&Source, &Raw), candidate: &Candidate) -> Option<BadInput> {
+        let planned = self.planned(&candidate.layout, &candidate.changes);
+        let phases = planned.unreached(|kind| self.protocol.tolerated(kind));
+        let longest = phases.max_by_key(Unreached::longest)?;
+        let (apart, when) = describe_unreached(&longest);
+        Some(unreached_error(plan, &apart, &when))
+    }
+
     /// Rates a candidate after others: one that is too high, or worse than one of those, need not be known exactly.
     fn rated(
         &self,
@@ -146,17 +171,7 @@ impl Swarm<'_> {
         } else {
             fitting.map(|it| it.unreached).min()
         };
-        let planned = PlannedFlight {
-            flight: FlightPlan {
-                layout: &layout,
-                changes: &changes,
-                waypoints: self.waypoints,
-            },
-            vehicle: self.vehicle,
-            settle: self.settle,
-            range_m: self.headroom.range_m,
-            relays: self.relays,
-        };
+        let planned = self.planned(&layout, &changes);
         let tolerated = |kind| self.protocol.tolerated(kind);
         let phases = planned.unreached(tolerated);
         let mut excess = phases.map(|phase| phase.longest().saturating_sub(tolerated(phase.kind)));
@@ -207,7 +222,7 @@ impl Swarm<'_> {
 ///    the ground and another order. Each with the number of layers that takes the least time for take-off, changes and landing.
 ///
 /// If none does, the one that is least above the headroom, then least out of reach. One above the headroom is refused later,
-/// with the lowest height in the error.
+/// with the lowest height in the error. One that leaves drones out of reach is refused if they may meet others then.
 pub(super) fn assign_layers(
     (source, raw): (&Source, &Raw),
     swarm: &Swarm<'_>,
@@ -251,6 +266,13 @@ pub(super) fn assign_layers(
         by_height.then(a.unreached.cmp(&b.unreached))
     });
     let best = best.expect("one at least is tried");
+    let is_unreached = best.above_m <= 0.0 && !best.unreached.is_zero();
+    if is_unreached
+        && refuses_unreached(raw, best.layout.layering())
+        && let Some(error) = swarm.unreached_error((source, raw), &best)
+    {
+        return Err(error);
+    }
     Ok((best.layout, best.changes))
 }
 

@@ -12,16 +12,16 @@ use muster_machines::motion::Landing;
 use muster_machines::msp::controller::{FlowModule, Gains, Receiver};
 use muster_machines::navigation::{self, Failsafe};
 use muster_machines::routing::{Flood, Member, Packet};
-use muster_machines::traffic;
 use muster_machines::wire;
 
 use super::agent::{EXPECTED, agent};
+use super::avoid::avoid;
 use super::failsafe::failsafe;
 use super::fence::Fenced;
 use super::file::Source;
 use super::follow::{Heights, follow};
 use super::layering::{Headroom, Swarm, assign_layers};
-use super::limits::{Course, altitude_max_m, check_layers, controller, highest_layer_m, limits};
+use super::limits::{Course, altitude_max_m, check_layers, highest_layer_m, limits};
 use super::raw::{self, PolicyName, ProtocolKind, Raw, VehicleKindName};
 use super::separation::check_separation;
 use super::{FlowSensor, Follow, Plan, PlanParts, PoseSensor, Protocol};
@@ -90,6 +90,14 @@ pub fn build_plan(
     };
     let (layout, changes) = assign_layers((source, raw), &swarm)?;
     let (layout, changes) = (Arc::new(layout), Arc::<[Change]>::from(changes));
+    if let Some(avoid) = vehicle.avoid.as_mut().filter(|_| agent.is_none()) {
+        let flight = FlightPlan {
+            layout: &layout,
+            changes: &changes,
+            waypoints: &waypoints,
+        };
+        avoid.landing_places = Some(flight.landing_places().collect());
+    }
     let heights = heights(raw, &layout, &changes, &waypoints);
     let follow = follow(source, raw, &vehicle, heights)?;
     let course = Course {
@@ -325,26 +333,6 @@ fn vehicle(raw: &Raw, failsafe: Failsafe) -> navigation::Config {
         acceleration_mps2: vehicle.acceleration_mps2.0,
         failsafe,
         avoid: None,
-    }
-}
-
-/// Parameters of the drones' mutual avoidance.
-fn avoid(
-    raw: &Raw,
-    separation: Separation,
-    landing: Landing,
-    (vehicle, protocol): (&navigation::Config, &Protocol),
-) -> traffic::Config {
-    let touch_down_s = landing.final_altitude_m / landing.final_mps;
-    traffic::Config {
-        separation,
-        time_to_live: protocol.time_to_live,
-        controller_timeout: controller(raw),
-        descent_mps: landing.descent_mps,
-        speed_mps: vehicle.speed_mps,
-        climb_mps: vehicle.climb_mps,
-        touch_down_margin: Duration::from_secs_f64(touch_down_s),
-        has_followers: *raw.protocol.kind.get_ref() == ProtocolKind::Follow,
     }
 }
 

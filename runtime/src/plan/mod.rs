@@ -2,6 +2,7 @@
 //! (radio, faults, seeds) is not part of it.
 
 mod agent;
+mod avoid;
 mod failsafe;
 mod fence;
 pub mod file;

@@ -1,11 +1,22 @@
 //! Checks of a plan against the minimum separation of drones, and descriptions of where drones come close.
 
-use muster_machines::formation::{ClosestApproach, Exposure, FlightPlan, PhaseKind};
+use muster_machines::formation::{
+    ClosestApproach, Exposure, FlightPlan, Layering, PhaseKind, Unreached,
+};
 
 use super::file::Source;
-use super::raw::Raw;
+use super::raw::{ExposureName, ProtocolKind, Raw, SuccessionName};
 use crate::diagnostic::BadInput;
-use crate::text::{drones, rounded_down};
+use crate::text::{drones, figure, rounded_down};
+
+/// Why any two drones of some swarms are exposed to `apart`.
+pub const APART_OFF_THE_LINES: &str = "drones that lose their master follow another, off the lines of the mission and at the altitude of the others";
+
+/// Whether any two drones are exposed to `apart`: they follow their master and share altitude layers.
+#[must_use]
+pub fn exposes_all_apart(follows: bool, layering: Layering) -> bool {
+    follows && layering == Layering::Shared
+}
 
 /// Refuses a plan in which drones in lockstep violate the separation. With `limits.accept`, also refuses one in which a
 /// single fault that it does not list can lead to a violation.
@@ -31,9 +42,21 @@ pub(super) fn check_separation(
     let Some(accepted) = &raw.limits.accept else {
         return Ok(());
     };
+    let follows = *raw.protocol.kind.get_ref() == ProtocolKind::Follow;
+    if !raw.limits.accepts(Exposure::Apart) && exposes_all_apart(follows, flight.layout.layering())
+    {
+        let message = format!(
+            "{APART_OFF_THE_LINES}; add \"{}\" to `limits.accept`",
+            Exposure::Apart.name()
+        );
+        return Err(source.error(accepted.span(), &message));
+    }
     let is_accepted = |exposure: Exposure| {
         raw.limits.accepts(exposure) || raw.safety.avoid && exposure.is_resolved_by_right_of_way()
     };
+    if Exposure::ALL.into_iter().all(is_accepted) {
+        return Ok(());
+    }
     let found = flight
         .phases()
         .zip(flight.exposures())
@@ -63,6 +86,40 @@ pub(super) fn check_separation(
         exposure.name(),
     );
     Err(source.error(accepted.span(), &message))
+}
+
+/// Whether a plan in which drones are out of the master's reach is refused: they would follow a master of their own in layers
+/// that they share with the others, and drones that hear nothing of each other can't give way. `limits.accept` may list
+/// `out-of-reach`.
+#[must_use]
+pub fn refuses_unreached(raw: &Raw, layering: Layering) -> bool {
+    let elects = matches!(raw.protocol.succession, SuccessionName::Elect) && raw.agent.is_none();
+    elects && layering == Layering::Shared && !raw.limits.accepts(ExposureName::OutOfReach)
+}
+
+/// The error of a plan that is refused since these drones are out of the master's reach. `when` says when and for how long, if it
+/// is not for good.
+#[must_use]
+pub fn unreached_error((source, raw): (&Source, &Raw), apart: &[u32], when: &str) -> BadInput {
+    let message = format!(
+        "{} can't reach the master{when}, not even over other drones. They would follow a master of their own, and there is no \
+         room for one altitude layer per drone below the ceiling and within the range: they may come too near the others. Raise \
+         `radio.range_m` or lower `formation.spacing_m` so that they can, raise `limits.altitude_max_m`, set \
+         `protocol.succession = \"land\"`, or list \"out-of-reach\" in `limits.accept`",
+        drones(apart),
+    );
+    let span = raw.limits.altitude_max_m.span();
+    let span = span.unwrap_or_else(|| raw.formation.spacing_m.span());
+    source.error(span, &message)
+}
+
+/// Drones that are out of the master's reach in a phase, and for how long: " for 12 s while all take off".
+#[must_use]
+pub fn describe_unreached(unreached: &Unreached) -> (Vec<u32>, String) {
+    let ids = unreached.drones.iter().map(|(id, _)| id.0).collect();
+    let seconds = figure(unreached.longest().as_secs_f64(), 0);
+    let when = format!(" for {seconds} s {}", describe_phase(unreached.kind));
+    (ids, when)
 }
 
 /// A predicate for "a drone that …".

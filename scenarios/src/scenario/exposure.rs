@@ -4,46 +4,20 @@ use std::collections::BTreeSet;
 
 use comfy_table::Table;
 use muster_machines::formation::{
-    ClosestApproach, Exposure, FlightPlan, Layering, Phase, PhaseKind, PhaseSeparation, Proximity,
+    ClosestApproach, Exposure, FlightPlan, Phase, PhaseKind, PhaseSeparation, Proximity,
 };
 use muster_machines::identity::NodeId;
-use muster_machines::mission::Succession;
-use muster_runtime::diagnostic::BadInput;
 
 use super::Scenario;
 use crate::report::TABLE_STYLE;
-use muster_runtime::plan::file::Source;
-use muster_runtime::plan::raw::Raw;
 use muster_runtime::plan::separation::{
-    describe_clearance, describe_exposure, describe_phase, format_metres,
+    APART_OFF_THE_LINES, describe_clearance, describe_exposure, describe_phase, exposes_all_apart,
+    format_metres,
 };
 use muster_runtime::text::{NO_VALUE, drones, plural};
 
 /// Largest swarm whose exposures to single faults are computed.
 pub(super) const EXPOSED_DRONES_MAX: u32 = 2_000;
-
-/// Refuses a plan in which drones out of the master's reach would follow a master of their own without a layer per drone.
-/// Drones that hear nothing of each other can't give way.
-pub(super) fn check_apart(source: &Source, raw: &Raw, scenario: &Scenario) -> Result<(), BadInput> {
-    let elects = scenario.plan.protocol.succession == Succession::Elect;
-    let may_meet = elects
-        && scenario.plan.agent.is_none()
-        && scenario.plan.layout.layering() == Layering::Shared
-        && !raw.limits.accepts(Exposure::Apart);
-    let Some(apart) = may_meet.then(|| scenario.unreached()).flatten() else {
-        return Ok(());
-    };
-    let message = format!(
-        "{} can't reach the master, not even over other drones. They would follow a master of their own, and there is no room \
-         for one altitude layer per drone below the ceiling and within the range: they may come too near the others. Raise \
-         `radio.range_m` or lower `formation.spacing_m` so that they can, raise `limits.altitude_max_m`, set \
-         `protocol.succession = \"land\"`, or list \"apart\" in `limits.accept`",
-        drones(&apart),
-    );
-    let span = raw.limits.altitude_max_m.span();
-    let span = span.unwrap_or_else(|| raw.formation.spacing_m.span());
-    Err(source.error(span, &message))
-}
 
 /// The name of a row for one wave, from 0.
 fn name_with_wave(name: &str, wave: u16) -> String {
@@ -115,7 +89,8 @@ impl Scenario {
         }
     }
 
-    /// The exposures listed in `limits.accept` that may bring these two drones too close to each other.
+    /// The exposures listed in `limits.accept` that may bring these two drones too close to each other. Whether they did is not
+    /// looked at.
     #[must_use]
     pub fn accepted_exposures(&self, drones: [NodeId; 2]) -> BTreeSet<Exposure> {
         let accepted = &self.plan.accepted;
@@ -129,7 +104,16 @@ impl Scenario {
             accepted.contains(exposure)
                 && (conflicts.contains(&[one, other]) || conflicts.contains(&[other, one]))
         });
-        found.map(|(exposure, _)| exposure).collect()
+        let mut found: BTreeSet<_> = found.map(|(exposure, _)| exposure).collect();
+        if self.exposes_all_apart() && accepted.contains(&Exposure::Apart) {
+            found.insert(Exposure::Apart);
+        }
+        found
+    }
+
+    /// Whether any two drones are exposed to `apart`.
+    fn exposes_all_apart(&self) -> bool {
+        exposes_all_apart(self.plan.follow.is_some(), self.plan.layout.layering())
     }
 
     /// Describes the separation of drones: a summary, the exposures, then a table by phase. `out_of_reach` returns the number
@@ -182,6 +166,11 @@ impl Scenario {
                     .iter()
                     .filter_map(|(exposure, total)| self.describe_total(*exposure, total)),
             );
+        }
+        if self.exposes_all_apart() {
+            lines.push(format!(
+                "exposed to `apart` for all drones: {APART_OFF_THE_LINES}"
+            ));
         }
         lines.extend(table(&rows));
         lines

@@ -7,11 +7,11 @@ use muster_runtime::agents::Agents;
 use muster_runtime::diagnostic::BadInput;
 use muster_runtime::plan::file::{Override, Source};
 use muster_runtime::plan::raw::{self, FormationKind, MediumName, ModelName, Raw};
+use muster_runtime::plan::separation::{refuses_unreached, unreached_error};
 use muster_runtime::plan::{build_plan, to_usize};
 use muster_runtime::vehicle::VehicleKind;
 use muster_transport::sim::{self, Access, Bursts, Propagation};
 
-use super::exposure::check_apart;
 use super::faults::faults;
 use super::shipped::{self, scenario_file, shown};
 use super::{Chaos, Scenario, Variation};
@@ -141,7 +141,11 @@ fn alone(
         unchecked: false,
         others: Vec::new(),
     };
-    check_apart(source, raw, &scenario)?;
+    if refuses_unreached(raw, scenario.plan.layout.layering())
+        && let Some(apart) = scenario.unreached()
+    {
+        return Err(unreached_error((source, raw), &apart, ""));
+    }
     Ok(scenario)
 }
 

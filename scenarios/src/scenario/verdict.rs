@@ -6,7 +6,7 @@ use muster_machines::formation::{Change, Path, PhaseKind, Tube};
 use muster_machines::geometry::Ned;
 use muster_machines::identity::NodeId;
 use muster_machines::mission::Succession;
-use muster_runtime::plan::separation::describe_phase;
+use muster_runtime::plan::separation::{describe_phase, describe_unreached};
 use muster_runtime::text::{drones, figure, plural};
 
 use super::Scenario;
@@ -102,12 +102,10 @@ impl Scenario {
         }
         let on_the_way = self.unreached_on_the_way();
         if let Some(longest) = on_the_way.iter().max_by_key(|it| it.longest()) {
-            let ids: Vec<u32> = longest.drones.iter().map(|(id, _)| id.0).collect();
+            let (ids, when) = describe_unreached(longest);
             warnings.push(format!(
-                "{} can't reach the master for {} s {}: {}",
+                "{} can't reach the master{when}: {}",
                 drones(&ids),
-                figure(longest.longest().as_secs_f64(), 0),
-                describe_phase(longest.kind),
                 self.remedy(),
             ));
         }

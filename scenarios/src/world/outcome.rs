@@ -3,6 +3,8 @@
 use std::time::Duration;
 
 use muster_machines::geometry::Ned;
+use muster_machines::identity::NodeId;
+use muster_machines::mission::State;
 use muster_machines::time::Timestamp;
 use muster_runtime::vehicle::Vehicle;
 use muster_transport::sim::Counters;
@@ -45,6 +47,22 @@ impl Outcome {
     #[must_use]
     pub fn violation(&self) -> Option<report::Violation> {
         self.violations.first().map(report::Violation::from)
+    }
+
+    /// Whether a drone of the scenario's own swarm came down when the first rule was broken: it was landing, or its process did not
+    /// run, so that its flight controller might bring it down.
+    #[must_use]
+    pub fn came_down(&self, drone: NodeId) -> bool {
+        let Some(at) = self.violations.first().map(|it| it.at) else {
+            return false;
+        };
+        let recorder = &self.swarms[0].recorder;
+        let states = &recorder.of(drone).states;
+        let state = states.iter().take_while(|(since, _)| *since <= at).last();
+        let lands = state.is_some_and(|(_, state)| *state == State::Landing);
+        let happenings = recorder.history().happenings().iter();
+        let mut happened = happenings.filter(|it| it.node == drone && it.at <= at);
+        lands || happened.any(|it| it.what.may_end_commands())
     }
 
     /// Whether the remaining drones of the scenario's own swarm completed the mission.

@@ -2,8 +2,9 @@
 
 use muster_scenarios::engine::Engine;
 use muster_scenarios::report::Report;
+use muster_scenarios::scenario::{Override, load};
 
-use crate::support::{assert_finished, fly, masters, scenario};
+use crate::support::{assert_finished, fly, masters, scenario, shipped};
 
 fn flown(name: &str) -> Report {
     let report = fly(&scenario(&format!("{name}.toml"), &[]), Engine::Events);
@@ -246,15 +247,24 @@ fn check_warns_of_drones_that_are_out_of_reach_on_the_way() {
     let verdict = |overrides: &[&str]| scenario("mesh-in-waves.toml", overrides).verdict();
     let text = verdict(&[]);
     assert!(text.starts_with("OK"), "{text}");
-    let text = verdict(&[
+    let far = [
         "formation.kind=linear",
         "formation.drones=80",
         "formation.spacing_m=30",
         "radio.range_m=63",
         "limits.altitude_max_m=200",
-    ]);
-    assert!(text.starts_with("WARNING"), "{text}");
+    ];
+    // They share layers: where they elect, that has to be accepted.
+    let overrides: Vec<Override> = far.iter().map(|it| it.parse().unwrap()).collect();
+    let refused = load(&shipped("mesh-in-waves.toml"), &overrides).unwrap_err();
     let warned =
         "can't reach the master for 35 s while those of wave 3 cross for change 0 of formation";
+    let message = refused.to_string();
+    assert!(
+        message.contains(warned) && message.contains("out-of-reach"),
+        "{message}"
+    );
+    let text = verdict(&[&far[..], &["protocol.succession=land"]].concat());
+    assert!(text.starts_with("WARNING"), "{text}");
     assert!(text.contains(warned), "{text}");
 }

@@ -31,6 +31,17 @@ impl FlightPlan<'_> {
         self.landing_centre_among(&self.tracks(), id, changes, centre)
     }
 
+    /// Where the drones land in lockstep, by number.
+    ///
+    /// # Panics
+    /// Without a waypoint.
+    pub fn landing_places(self) -> impl Iterator<Item = Ned> {
+        let centre = self.waypoints[self.waypoints.len() - 1];
+        let layout = self.layout_after(self.changes_before(self.waypoints.len()));
+        let drones = (0..layout.formation().drones()).map(NodeId);
+        drones.map(move |id| layout.landing_place(id, centre))
+    }
+
     /// Where each drone lands around the last waypoint that is out of lockstep.
     ///
     /// # Panics

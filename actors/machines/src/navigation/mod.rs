@@ -59,7 +59,7 @@ impl Navigation {
         let fence =
             (config.failsafe.fence.clone()).map(|fence| (fence, Fence::margin_m(config.speed_mps)));
         let mut navigation = Self {
-            deconfliction: Deconfliction::new(id, config.avoid, fence),
+            deconfliction: Deconfliction::new(id, config.avoid.clone(), fence),
             config,
             durable: Checkpoint::default(),
             position_requested: false,

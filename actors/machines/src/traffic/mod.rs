@@ -10,6 +10,7 @@ mod occupied;
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+use std::sync::Arc;
 use std::time::Duration;
 
 use nalgebra::{Rotation2, Vector2};
@@ -47,7 +48,7 @@ const DETOUR_BEARINGS_RAD: [f64; 8] = [
     0.0,
 ];
 /// Configuration of deconfliction.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Config {
     /// Minimum separation.
     pub separation: Separation,
@@ -65,9 +66,19 @@ pub struct Config {
     pub touch_down_margin: Duration,
     /// Whether drones follow a moving master, which flies among them.
     pub has_followers: bool,
+    /// Where drones land as planned, by number. `None` if that is not planned.
+    pub landing_places: Option<Arc<[Ned]>>,
 }
 
 impl Config {
+    /// Whether a drone other than `own` lands too near to this place as planned.
+    fn is_landing_place_of_another(&self, own: NodeId, place: Ned) -> bool {
+        let near_m = self.separation.horizontal_m;
+        let planned = self.landing_places.iter().flat_map(|it| it.iter());
+        let mut others = (0..).map(NodeId).zip(planned).filter(|(id, _)| *id != own);
+        others.any(|(_, it)| it.horizontal_distance_m(place) < near_m)
+    }
+
     /// Age of the last intent at which a drone counts as silent.
     fn silent_after(&self) -> Duration {
         self.time_to_live + INTENT_AGE_MAX
@@ -175,8 +186,9 @@ impl Traffic {
         other.is_some_and(|it| !self.is_silent(now, it.at)) && !self.deaf.contains(id)
     }
 
-    /// A place beside a landing column, at the same altitude, if the path to it and the column below it are clear. None is
-    /// needed if others only pass through the column: there a drone might land where another is to.
+    /// A place beside a landing column, at the same altitude, if the path to it and the column below it are clear; if possible
+    /// none where another lands as planned, which may not be heard. None is needed if others only pass through the column:
+    /// there a drone might land where another is to.
     pub(crate) fn landing_detour(
         &self,
         now: Timestamp,
@@ -187,8 +199,7 @@ impl Traffic {
         if near.all(|(_, it)| it.precedence == Precedence::Leg) {
             return None;
         }
-        let mut sides = self.detour_points(column.from, Vector2::x());
-        sides.find(|side| {
+        let is_free = |side: &Ned| {
             if !may_fly_to(*side) {
                 return false;
             }
@@ -203,7 +214,15 @@ impl Traffic {
             // A drone that is already near does not block the path there, but it blocks a descent.
             self.is_clear(now, across)
                 && (self.occupied(now, column.from)).all(|(_, it)| !self.is_near(&it, down))
-        })
+        };
+        let sides = || {
+            self.detour_points(column.from, Vector2::x())
+                .filter(is_free)
+        };
+        let is_planned = |side: &Ned| self.config.is_landing_place_of_another(self.own, *side);
+        sides()
+            .find(|it| !is_planned(it))
+            .or_else(|| sides().next())
     }
 
     /// A place beside this one, if another drone may come down here, and the path there and the place are clear. On the

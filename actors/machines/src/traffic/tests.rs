@@ -18,6 +18,7 @@ const CONFIG: Config = Config {
     speed_mps: 20.0,
     climb_mps: 3.0,
     has_followers: true,
+    landing_places: None,
 };
 
 fn at(north_m: f64, east_m: f64, altitude_m: f64) -> Ned {
@@ -374,8 +375,19 @@ fn space_below_a_silent_drone_is_blocked_until_it_is_down() {
     assert!(!known.is_clear(seconds(28.0), leg) && known.is_clear(seconds(28.1), leg));
     let column = path(at(60.0, 2.0, 30.0), at(60.0, 2.0, 0.0));
     assert!(!known.is_clear(seconds(900.0), column));
-    let side = known
-        .landing_detour(seconds(900.0), column, ANYWHERE)
-        .unwrap();
-    assert!(side.horizontal_distance_m(column.to) > 10.0);
+    let mut known = known;
+    let side = |known: &Traffic| {
+        let side = known.landing_detour(seconds(900.0), column, ANYWHERE);
+        side.unwrap()
+    };
+    let nearest = side(&known);
+    assert!(nearest.horizontal_distance_m(column.to) > 10.0);
+    // Another drone, which may not be heard, lands there as planned. Its own landing place may be there.
+    let mut places = vec![at(900.0, 0.0, 0.0); 10];
+    places[5] = nearest;
+    known.config.landing_places = Some(places.clone().into());
+    assert_eq!(side(&known), nearest);
+    places.swap(5, 7);
+    known.config.landing_places = Some(places.into());
+    assert!(side(&known).horizontal_distance_m(nearest) >= 5.0);
 }

@@ -1,6 +1,5 @@
 //! Limits: what must not be exceeded, and what is accepted.
 
-use muster_machines::formation::Exposure;
 use schemars::JsonSchema;
 use serde::Deserialize;
 
@@ -60,18 +59,17 @@ pub struct Limits {
     /// How long a restart counts.
     #[serde(default)]
     pub restart_window_s: Or<Seconds, 30>,
-    /// Accepted exposures: what a single fault may bring too near other drones. A plan exposed to anything else is refused,
-    /// except to `late` if `safety.avoid` is on. `muster chaos` goes on where two drones that are so exposed come too close.
-    #[schemars(extend("x-default" = "all; exposures are printed, not refused"))]
+    /// Accepted exposures: what may bring two drones too near each other. A plan exposed to anything else is refused, except to
+    /// `late` if `safety.avoid` is on. `muster chaos` goes on where two drones that are so exposed come too close.
+    #[schemars(extend("x-default" = "all but `out-of-reach`; exposures are printed, not refused"))]
     pub accept: Option<Located<Vec<ExposureName>>>,
 }
 
 impl Limits {
     /// Whether the file lists this exposure in `accept`.
-    pub fn accepts(&self, exposure: Exposure) -> bool {
+    pub fn accepts(&self, exposure: impl Into<ExposureName>) -> bool {
+        let name = exposure.into();
         let names = self.accept.iter().flat_map(|it| it.get_ref());
-        names
-            .into_iter()
-            .any(|name| Exposure::from(*name) == exposure)
+        names.into_iter().any(|it| *it == name)
     }
 }

@@ -221,8 +221,8 @@ impl From<AloneName> for Alone {
     }
 }
 
-/// What a single fault may expose drones to.
-#[derive(Debug, Clone, Copy, Deserialize, JsonSchema)]
+/// What may bring two drones too near each other: a single fault, or the plan itself.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ExposureName {
     /// A drone is late.
@@ -233,15 +233,17 @@ pub enum ExposureName {
     Descends,
     /// A drone's computer dies; its flight controller brings it down.
     Killed,
+    /// Without any fault, drones are planned out of the master's reach, and share altitudes with the others.
+    OutOfReach,
 }
 
-impl From<ExposureName> for Exposure {
-    fn from(name: ExposureName) -> Self {
-        match name {
-            ExposureName::Late => Self::Late,
-            ExposureName::Apart => Self::Apart,
-            ExposureName::Descends => Self::Descends,
-            ExposureName::Killed => Self::Killed,
+impl From<Exposure> for ExposureName {
+    fn from(exposure: Exposure) -> Self {
+        match exposure {
+            Exposure::Late => Self::Late,
+            Exposure::Apart => Self::Apart,
+            Exposure::Descends => Self::Descends,
+            Exposure::Killed => Self::Killed,
         }
     }
 }

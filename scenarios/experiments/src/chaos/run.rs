@@ -259,7 +259,7 @@ fn fly_chunk(
         } = search.draw(search.seeds().at(place))?;
         let outcome = engine::fly_within(run_limit, &scenario, Engine::Events)?;
         if let Some(violation) = outcome.violation() {
-            let exposures = accepted_exposures(&scenario, &violation);
+            let exposures = accepted_exposures(&scenario, &outcome, &violation);
             if !exposures.is_empty() {
                 tally.accept(plan.seed, &exposures, violation.what);
             } else if search.keeps_going() {
@@ -298,7 +298,7 @@ fn find(
     let breaks = |scenario: &Scenario| {
         let outcome = engine::fly_within(run_limit, scenario, Engine::Events)?;
         Ok(outcome.violation().is_some_and(|it| {
-            it.rule == violation.rule && accepted_exposures(scenario, &it).is_empty()
+            it.rule == violation.rule && accepted_exposures(scenario, &outcome, &it).is_empty()
         }))
     };
     let (small, tried) = shrink(search, plan, breaks, watcher)?;

@@ -7,6 +7,7 @@ use muster_machines::formation::Exposure;
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::text::plural;
+use muster_scenarios::engine::Outcome;
 use muster_scenarios::report::Violation;
 use muster_scenarios::scenario::Scenario;
 use serde::{Deserialize, Serialize};
@@ -66,14 +67,25 @@ impl Tally {
     }
 }
 
-/// The exposures listed in `limits.accept` of two drones that came too close, if that is the violation.
-pub(super) fn accepted_exposures(scenario: &Scenario, violation: &Violation) -> BTreeSet<Exposure> {
-    match violation.drones[..] {
-        [one, other] if violation.rule == 4 => {
-            scenario.accepted_exposures([one, other].map(NodeId))
-        }
-        _ => BTreeSet::new(),
+/// The exposures listed in `limits.accept` of two drones that came too close, if that is the violation. Those in which one comes
+/// down count only if one does.
+pub(super) fn accepted_exposures(
+    scenario: &Scenario,
+    outcome: &Outcome,
+    violation: &Violation,
+) -> BTreeSet<Exposure> {
+    let [one, other] = violation.drones[..] else {
+        return BTreeSet::new();
+    };
+    if violation.rule != 4 {
+        return BTreeSet::new();
     }
+    let drones = [one, other].map(NodeId);
+    let mut exposures = scenario.accepted_exposures(drones);
+    if !drones.iter().any(|it| outcome.came_down(*it)) {
+        exposures.retain(|it| matches!(it, Exposure::Late | Exposure::Apart));
+    }
+    exposures
 }
 
 /// A plan that broke a rule.

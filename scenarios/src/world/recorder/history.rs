@@ -68,6 +68,27 @@ pub(crate) enum Incident {
     GivenUp(Address),
 }
 
+impl Incident {
+    /// Whether the flight controller may hear nothing from then on, so that it brings the aircraft down.
+    pub(crate) const fn may_end_commands(&self) -> bool {
+        match self {
+            Self::Killed
+            | Self::RanEmpty
+            | Self::Fell
+            | Self::Stopped
+            | Self::Hangs(_)
+            | Self::GivenUp(_) => true,
+            Self::Routes { .. }
+            | Self::Follows(_)
+            | Self::Leaves
+            | Self::Lands(_)
+            | Self::Rebooted
+            | Self::Resumed
+            | Self::Restarts(_) => false,
+        }
+    }
+}
+
 /// A link that came, changed or went.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct LinkChange {

@@ -32,6 +32,7 @@ fn avoiding_within(fence: Option<Fence>, checkpoint: Option<Checkpoint>) -> Navi
         speed_mps: 20.0,
         climb_mps: 3.0,
         has_followers: false,
+        landing_places: None,
     };
     let config = Config {
         avoid: Some(avoid),
