@@ -439,12 +439,12 @@ mod tests {
     #[test]
     fn drones_too_close_in_an_accepted_exposure_do_not_end_a_search() {
         // A drone is landed by its flight controller in take-off, onto another.
-        let searched = |accept: &str, keeps_going| {
+        let searched = |seeds: &str, set: &str, keeps_going| {
             let scenario = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/..")).join("chaos.toml");
             let search = Search::load(&Request {
                 scenario,
-                set: vec![accept.parse().unwrap()],
-                seeds: "323520..323521".parse().unwrap(),
+                set: vec![set.parse().unwrap()],
+                seeds: seeds.parse().unwrap(),
                 keeps_going,
             });
             let folder = tempfile::tempdir().unwrap();
@@ -457,10 +457,8 @@ mod tests {
             )
             .unwrap()
         };
-        let accepting = searched(
-            r#"limits.accept=["late", "apart", "descends", "killed"]"#,
-            false,
-        );
+        let seeds = "323520..323521";
+        let accepting = searched(seeds, "limits.altitude_max_m=80", false);
         assert!(accepting.finding.is_none() && accepting.broken.is_empty());
         let [plan] = &accepting.accepted[..] else {
             panic!("{:?}", accepting.accepted);
@@ -473,10 +471,13 @@ mod tests {
                 && text.contains("seed 323520: drones 10 and 13"),
             "{text}"
         );
-        // Otherwise they break rule 4.
-        let refusing = searched("limits.altitude_max_m=80", true);
+        // In a plan that accepts nothing they break rule 4.
+        let refusing = searched(seeds, "limits={ altitude_max_m = 80 }", true);
         assert_eq!(refusing.accepted, []);
         assert_eq!(refusing.broken[0].rule, 4);
+        // Here neither of the two comes down.
+        let apart = searched("248477..248478", "limits.altitude_max_m=80", false);
+        assert_eq!(apart.accepted[0].exposures, ["apart"]);
     }
 
     #[test]
