@@ -51,8 +51,10 @@ pub(super) fn check_separation(
         );
         return Err(source.error(accepted.span(), &message));
     }
+    // A drone that follows its master gives way to nobody.
+    let gives_way = raw.safety.avoid && !follows;
     let is_accepted = |exposure: Exposure| {
-        raw.limits.accepts(exposure) || raw.safety.avoid && exposure.is_resolved_by_right_of_way()
+        raw.limits.accepts(exposure) || gives_way && exposure.is_resolved_by_right_of_way()
     };
     if Exposure::ALL.into_iter().all(is_accepted) {
         return Ok(());
@@ -71,7 +73,7 @@ pub(super) fn check_separation(
     let Some((kind, exposure, closest)) = found else {
         return Ok(());
     };
-    let avoid = if exposure.is_resolved_by_right_of_way() {
+    let avoid = if !follows && exposure.is_resolved_by_right_of_way() {
         ", or set `safety.avoid = true`, so that drones give way to each other"
     } else {
         ""

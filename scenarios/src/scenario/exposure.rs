@@ -213,13 +213,18 @@ impl Scenario {
         ))
     }
 
-    /// What the right of way does about an exposure. Drones that follow a master do not give way to one that flies apart.
+    /// What the right of way does about an exposure. Drones that follow a master give way to nobody.
     fn describe_right_of_way(&self, exposure: Exposure) -> &'static str {
+        let follows = self.plan.follow.is_some();
         if self.plan.vehicle.avoid.is_none() {
             ""
         } else if exposure.is_resolved_by_right_of_way() {
-            "; resolved by `safety.avoid`"
-        } else if exposure == Exposure::Apart && self.plan.follow.is_none() {
+            if follows {
+                "; resolved by `safety.avoid` only while none follows its master"
+            } else {
+                "; resolved by `safety.avoid`"
+            }
+        } else if exposure == Exposure::Apart && !follows {
             "; resolved by `safety.avoid` only while the two hear each other"
         } else {
             ""

@@ -17,7 +17,7 @@ pub(crate) fn scenario(name: &str, overrides: &[&str]) -> Scenario {
     load(&shipped(name), &overrides).unwrap_or_else(|error| panic!("{name}: {error}"))
 }
 
-/// Which flights of a sweep are flown: a fifth, or all if the variable `MUSTER_SWEEPS` is set, as in `.ci/nightly`.
+/// Which flights of a sweep are flown: an eighth, or all if the variable `MUSTER_SWEEPS` is set, as in `.ci/nightly`.
 #[derive(Default)]
 pub(crate) struct Sweep {
     flights: u32,
@@ -31,7 +31,7 @@ impl Sweep {
             // Multiples of the golden ratio are spread evenly whatever the length of the lists that are combined.
             let place = self.flights.wrapping_mul(0x9E37_79B9);
             self.flights += 1;
-            is_whole || place < u32::MAX / 5
+            is_whole || place < u32::MAX / 8
         })
     }
 }

@@ -41,7 +41,7 @@ pub enum Goal {
         /// Velocity of the place.
         velocity: Velocity,
         /// How long the velocity is valid. After that the drone comes to rest unless it gets a new goal; after twice as
-        /// long it climbs or descends to its hold altitude.
+        /// long it climbs or descends to its hold altitude, at which it returns.
         hold: Duration,
     },
     /// Come to rest.
@@ -117,7 +117,8 @@ pub enum Progress {
     /// Waiting for telemetry to plan the legs.
     #[default]
     Planning,
-    /// Remaining corners, next one first; empty while landing, tracking or yielding.
+    /// Remaining corners, next one first; empty while landing, tracking or yielding. One that has left a tracked place has a corner
+    /// at the altitude at which it returns.
     Flying(VecDeque<Ned>),
     /// Reached.
     Done,

@@ -260,7 +260,7 @@ impl Navigation {
             Progress::Planning => self.plan_legs(now, goal, telemetry),
             Progress::Flying(_) if goal == Goal::Land => self.monitor_landing(now, telemetry),
             Progress::Flying(_) if matches!(goal, Goal::Track { .. }) => {
-                (self.deconfliction).announce_joining(now, telemetry.position, &mut self.outbox);
+                self.monitor_track(now, telemetry);
             }
             Progress::Flying(_) if goal == Goal::Yield => {}
             Progress::Flying(corners) => self.monitor_legs(now, goal, corners, telemetry),
@@ -289,10 +289,7 @@ impl Navigation {
                 }
                 return;
             }
-            Goal::Track { .. } => {
-                let altitude_m = self.hold_altitude_m(now, telemetry);
-                self.hold(now, telemetry, altitude_m);
-            }
+            Goal::Track { .. } => return self.leave_track(now, telemetry),
             Goal::Yield => self.announce(now, None, false),
             _ => {}
         }

@@ -13,6 +13,7 @@ const CONFIG: Config = Config {
     climb_mps: 2.5,
     descent_mps: 1.5,
     acceleration_mps2: 1.0,
+    braking_mps2: 1.0,
     failsafe: FAILSAFE,
     avoid: None,
 };
@@ -264,6 +265,22 @@ fn expired_track_goal_holds_at_its_hold_altitude_until_renewed() {
         panic!("{holds:?}");
     };
     assert!((altitude_m - 10.0).abs() < 1e-9);
+    // It returns level at its hold altitude, and leaves that only where its place is.
+    let mut tracked = |position: Ned| {
+        let asked = handle(&mut navigation, Input::Goal(MOVING));
+        assert_eq!(asked, [Transmit::FlightCommand(FlightCommand::Report)]);
+        let told = handle(&mut navigation, at_rest_at(position));
+        match told[..] {
+            [] => None,
+            [Transmit::FlightCommand(FlightCommand::Fly(Setpoint::Track { to, .. }))] => Some(to),
+            _ => panic!("{told:?}"),
+        }
+    };
+    assert_eq!(tracked(Ned::new(20.0, 0.0, -5.0)), None, "it still climbs");
+    let above = Ned::HOME.at_altitude(10.0);
+    assert_eq!(tracked(Ned::new(20.0, 0.0, -10.0)), Some(above));
+    assert_eq!(tracked(Ned::new(3.0, 0.0, -10.0)), Some(above));
+    assert_eq!(tracked(Ned::new(2.0, 0.0, -10.0)), Some(Ned::HOME));
     let tracks = handle(&mut navigation, Input::Goal(MOVING));
     assert!(matches!(
         tracks[..],
@@ -271,6 +288,29 @@ fn expired_track_goal_holds_at_its_hold_altitude_until_renewed() {
             Setpoint::Track { .. }
         ))]
     ));
+}
+
+#[test]
+fn drone_level_with_its_place_returns_straight_there() {
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
+    handle(&mut navigation, Input::Goal(MOVING));
+    let expired = Timestamp::ZERO + Duration::from_secs(2);
+    step_at(&mut navigation, expired, Stimulus::Timeout);
+    let behind = at_rest_at(Ned::new(-20.0, 0.0, -0.5));
+    handle(&mut navigation, behind.clone());
+    handle(&mut navigation, Input::Goal(MOVING));
+    let told = handle(&mut navigation, behind);
+    let straight = Setpoint::Track {
+        to: Ned::HOME,
+        velocity: Velocity::new(10.0, 0.0, 0.0),
+        speed_mps: CONFIG.speed_mps,
+        acceleration_mps2: CONFIG.acceleration_mps2,
+        hold: Duration::from_secs(1),
+    };
+    assert_eq!(
+        told,
+        [Transmit::FlightCommand(FlightCommand::Fly(straight))]
+    );
 }
 
 #[test]

@@ -60,7 +60,8 @@ pub struct Limits {
     #[serde(default)]
     pub restart_window_s: Or<Seconds, 30>,
     /// Accepted exposures: what may bring two drones too near each other. A plan exposed to anything else is refused, except to
-    /// `late` if `safety.avoid` is on. `muster chaos` goes on where two drones that are so exposed come too close.
+    /// `late` if `safety.avoid` is on and drones don't follow their master. `muster chaos` goes on where two drones that are so
+    /// exposed come too close.
     #[schemars(extend("x-default" = "all but `out-of-reach`; exposures are printed, not refused"))]
     pub accept: Option<Located<Vec<ExposureName>>>,
 }
