@@ -148,12 +148,12 @@ impl Swarm<'_> {
     }
 
     /// The error of a candidate that leaves drones out of the master's reach for longer than tolerated.
-    fn unreached_error(&self, plan: (&Source, &Raw), candidate: &Candidate) -> Option<BadInput> {
+    fn unreached_error(&self, plan: (&Source, &Raw), candidate: &Candidate) -> BadInput {
         let planned = self.planned(&candidate.layout, &candidate.changes);
         let phases = planned.unreached(|kind| self.protocol.tolerated(kind));
-        let longest = phases.max_by_key(Unreached::longest)?;
-        let (apart, when) = describe_unreached(&longest);
-        Some(unreached_error(plan, &apart, &when))
+        let longest = phases.max_by_key(Unreached::longest);
+        let (apart, when) = longest.as_ref().map(describe_unreached).unwrap_or_default();
+        unreached_error(plan, &apart, &when)
     }
 
     /// Rates a candidate after others: one that is too high, or worse than one of those, need not be known exactly.
@@ -222,7 +222,8 @@ impl Swarm<'_> {
 ///    the ground and another order. Each with the number of layers that takes the least time for take-off, changes and landing.
 ///
 /// If none does, the one that is least above the headroom, then least out of reach. One above the headroom is refused later,
-/// with the lowest height in the error. One that leaves drones out of reach is refused if they may meet others then.
+/// with the lowest height in the error. Drones that share layers must not be out of reach: then each has a layer of its own, or, if
+/// there is no room for that, the plan is refused.
 pub(super) fn assign_layers(
     (source, raw): (&Source, &Raw),
     swarm: &Swarm<'_>,
@@ -261,18 +262,24 @@ pub(super) fn assign_layers(
         }
         swarm.try_quickest_first(in_waves, &room, &mut tried);
     }
-    let best = tried.into_iter().min_by(|a, b| {
-        let by_height = a.above_m.total_cmp(&b.above_m);
-        by_height.then(a.unreached.cmp(&b.unreached))
-    });
-    let best = best.expect("one at least is tried");
-    let is_unreached = best.above_m <= 0.0 && !best.unreached.is_zero();
-    if is_unreached
-        && refuses_unreached(raw, best.layout.layering())
-        && let Some(error) = swarm.unreached_error((source, raw), &best)
-    {
-        return Err(error);
+    let best = |tried: &[Candidate]| {
+        let places = tried.iter().enumerate().min_by(|(_, a), (_, b)| {
+            let by_height = a.above_m.total_cmp(&b.above_m);
+            by_height.then(a.unreached.cmp(&b.unreached))
+        });
+        places.expect("one at least is tried").0
+    };
+    let mut chosen = best(&tried);
+    let it = &tried[chosen];
+    let is_unreached = it.above_m <= 0.0 && !it.unreached.is_zero();
+    if is_unreached && refuses_unreached(raw, it.layout.layering()) {
+        // Out of reach drones need a layer each, even if that leaves them out of reach for a little longer.
+        if tried[0].above_m > 0.0 {
+            return Err(swarm.unreached_error((source, raw), it));
+        }
+        chosen = 0;
     }
+    let best = tried.swap_remove(chosen);
     Ok((best.layout, best.changes))
 }
 

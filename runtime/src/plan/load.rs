@@ -331,7 +331,6 @@ fn vehicle(raw: &Raw, failsafe: Failsafe) -> navigation::Config {
         climb_mps: vehicle.climb_mps.0,
         descent_mps: vehicle.descent_mps.0,
         acceleration_mps2: vehicle.acceleration_mps2.0,
-        braking_mps2: vehicle.acceleration_mps2.0,
         failsafe,
         avoid: None,
     }

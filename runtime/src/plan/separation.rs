@@ -12,10 +12,10 @@ use crate::text::{drones, figure, rounded_down};
 /// Why any two drones of some swarms are exposed to `apart`.
 pub const APART_OFF_THE_LINES: &str = "drones that lose their master follow another, off the lines of the mission and at the altitude of the others";
 
-/// Whether any two drones are exposed to `apart`: they follow their master and share altitude layers.
+/// Whether any two drones are exposed to `apart`: they follow their master or elect another, and share altitude layers.
 #[must_use]
-pub fn exposes_all_apart(follows: bool, layering: Layering) -> bool {
-    follows && layering == Layering::Shared
+pub fn exposes_all_apart(follows_and_elects: bool, layering: Layering) -> bool {
+    follows_and_elects && layering == Layering::Shared
 }
 
 /// Refuses a plan in which drones in lockstep violate the separation. With `limits.accept`, also refuses one in which a
@@ -43,7 +43,9 @@ pub(super) fn check_separation(
         return Ok(());
     };
     let follows = *raw.protocol.kind.get_ref() == ProtocolKind::Follow;
-    if !raw.limits.accepts(Exposure::Apart) && exposes_all_apart(follows, flight.layout.layering())
+    let elects = matches!(raw.protocol.succession, SuccessionName::Elect);
+    if !raw.limits.accepts(Exposure::Apart)
+        && exposes_all_apart(follows && elects, flight.layout.layering())
     {
         let message = format!(
             "{APART_OFF_THE_LINES}; add \"{}\" to `limits.accept`",

@@ -7,6 +7,7 @@ use muster_machines::formation::{
     ClosestApproach, Exposure, FlightPlan, Phase, PhaseKind, PhaseSeparation, Proximity,
 };
 use muster_machines::identity::NodeId;
+use muster_machines::mission::Succession;
 
 use super::Scenario;
 use crate::report::TABLE_STYLE;
@@ -113,7 +114,11 @@ impl Scenario {
 
     /// Whether any two drones are exposed to `apart`.
     fn exposes_all_apart(&self) -> bool {
-        exposes_all_apart(self.plan.follow.is_some(), self.plan.layout.layering())
+        let elects = self.plan.protocol.succession == Succession::Elect;
+        exposes_all_apart(
+            elects && self.plan.follow.is_some(),
+            self.plan.layout.layering(),
+        )
     }
 
     /// Describes the separation of drones: a summary, the exposures, then a table by phase. `out_of_reach` returns the number

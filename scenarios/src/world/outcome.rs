@@ -61,8 +61,9 @@ impl Outcome {
         let state = states.iter().take_while(|(since, _)| *since <= at).last();
         let lands = state.is_some_and(|(_, state)| *state == State::Landing);
         let happenings = recorder.history().happenings().iter();
-        let mut happened = happenings.filter(|it| it.node == drone && it.at <= at);
-        lands || happened.any(|it| it.what.may_end_commands())
+        let happened = happenings.filter(|it| it.node == drone && it.at <= at);
+        let ended = happened.filter_map(|it| it.what.ends_commands()).last();
+        lands || ended == Some(true)
     }
 
     /// Whether the remaining drones of the scenario's own swarm completed the mission.

@@ -119,3 +119,30 @@ fn members_of_a_silent_master_land_without_elections() {
         );
     }
 }
+
+/// It climbs or descends to its hold altitude, returns level, and comes down at its place, however short the outage was.
+#[test]
+fn follower_that_was_without_position_returns_to_its_place() {
+    for (drone, acceleration_mps2, outage_s) in
+        [(0, 1, 5), (0, 2, 3), (0, 8, 2), (0, 8, 12), (4, 2, 5)]
+    {
+        let fields = [
+            &*format!("vehicle.acceleration_mps2={acceleration_mps2}"),
+            "vehicle.climb_mps=6",
+            "vehicle.descent_mps=6",
+            "formation.drones=5",
+            "formation.spacing_m=40",
+            "radio.range_m=1500",
+            &format!(
+                r#"faults=[{{ at_s = 66, kind = "lose-gps", drone = {drone}, for_s = {outage_s} }}]"#
+            ),
+        ];
+        let report = fly(&scenario("follow.toml", &fields), Engine::Events);
+        assert_all_down_together(&report);
+        let error = report.drones[drone].following.unwrap();
+        assert!(
+            error.max_m < 300.0 && error.p95_m < 30.0,
+            "{fields:?}: {error:?}"
+        );
+    }
+}

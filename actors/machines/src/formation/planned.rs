@@ -211,7 +211,6 @@ mod tests {
             climb_mps: 2.5,
             descent_mps: 2.5,
             acceleration_mps2: 1.0,
-            braking_mps2: 1.0,
             failsafe: navigation::Failsafe {
                 position_hold: Duration::ZERO,
                 battery_low: 0.0,

@@ -14,9 +14,6 @@ pub struct Config {
     pub descent_mps: f64,
     /// Acceleration along a leg, in m/s².
     pub acceleration_mps2: f64,
-    /// Deceleration with which it comes to rest off the end of a leg, in m/s². A master that is followed flies its legs more gently
-    /// than the others can, and must not stop farther on than they do.
-    pub braking_mps2: f64,
     /// Limits of the failsafe.
     pub failsafe: Failsafe,
     /// Deconfliction with drones that announce their intents; `None` to ignore them.
@@ -53,7 +50,7 @@ impl Config {
         Setpoint::Hold {
             altitude_m,
             vertical_mps: self.climb_mps.min(self.descent_mps),
-            acceleration_mps2: self.braking_mps2,
+            acceleration_mps2: self.acceleration_mps2,
         }
     }
 }

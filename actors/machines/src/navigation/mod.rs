@@ -41,6 +41,8 @@ pub struct Navigation {
     hold_commanded_m: Option<f64>,
     /// Expiry of the tracked place.
     track_expires_at: Option<Timestamp>,
+    /// Whether it flies back to a tracked place that it has left.
+    returns: bool,
     /// Whether it goes on from a checkpoint, and has seen no telemetry since.
     is_restored: bool,
     /// Whether the link was ordered to arm a vehicle that has not armed yet. The link arms it once it can.
@@ -65,6 +67,7 @@ impl Navigation {
             position_requested: false,
             hold_commanded_m: None,
             track_expires_at: None,
+            returns: false,
             is_restored: false,
             awaits_arming: false,
             health: HealthMonitor::default(),

@@ -13,7 +13,6 @@ const CONFIG: Config = Config {
     climb_mps: 2.5,
     descent_mps: 1.5,
     acceleration_mps2: 1.0,
-    braking_mps2: 1.0,
     failsafe: FAILSAFE,
     avoid: None,
 };
@@ -265,22 +264,49 @@ fn expired_track_goal_holds_at_its_hold_altitude_until_renewed() {
         panic!("{holds:?}");
     };
     assert!((altitude_m - 10.0).abs() < 1e-9);
-    // It returns level at its hold altitude, and leaves that only where its place is.
-    let mut tracked = |position: Ned| {
-        let asked = handle(&mut navigation, Input::Goal(MOVING));
+    // It returns level from where it rests at its hold altitude, and leaves that only where its place is.
+    let climbing = Goal::Track {
+        to: Ned::HOME,
+        hold_altitude_m: 10.0,
+        velocity: Velocity::new(10.0, 0.0, -2.0),
+        hold: Duration::from_secs(1),
+    };
+    let mut told = |position: Ned, at_rest: bool| {
+        let asked = handle(&mut navigation, Input::Goal(climbing));
         assert_eq!(asked, [Transmit::FlightCommand(FlightCommand::Report)]);
-        let told = handle(&mut navigation, at_rest_at(position));
-        match told[..] {
+        let Input::Telemetry(telemetry) = at_rest_at(position) else {
+            unreachable!();
+        };
+        let telemetry = Telemetry {
+            at_rest,
+            ..telemetry
+        };
+        match handle(&mut navigation, Input::Telemetry(telemetry))[..] {
             [] => None,
-            [Transmit::FlightCommand(FlightCommand::Fly(Setpoint::Track { to, .. }))] => Some(to),
-            _ => panic!("{told:?}"),
+            [Transmit::FlightCommand(FlightCommand::Fly(setpoint))] => Some(setpoint),
+            ref other => panic!("{other:?}"),
         }
     };
-    assert_eq!(tracked(Ned::new(20.0, 0.0, -5.0)), None, "it still climbs");
+    let track = |to: Ned, down_mps: f64| {
+        Some(Setpoint::Track {
+            to,
+            velocity: Velocity::new(10.0, 0.0, down_mps),
+            speed_mps: CONFIG.speed_mps,
+            acceleration_mps2: CONFIG.acceleration_mps2,
+            hold: Duration::from_secs(1),
+        })
+    };
     let above = Ned::HOME.at_altitude(10.0);
-    assert_eq!(tracked(Ned::new(20.0, 0.0, -10.0)), Some(above));
-    assert_eq!(tracked(Ned::new(3.0, 0.0, -10.0)), Some(above));
-    assert_eq!(tracked(Ned::new(2.0, 0.0, -10.0)), Some(Ned::HOME));
+    let climbs = told(Ned::new(20.0, 0.0, -9.5), false);
+    assert_eq!(climbs, None, "it still climbs");
+    let rests_below = told(Ned::new(20.0, 0.0, -5.0), true);
+    assert_eq!(rests_below, Some(CONFIG.hold(10.0)));
+    assert_eq!(told(Ned::new(20.0, 0.0, -10.0), true), track(above, 0.0));
+    // Whatever its height is on the way.
+    assert_eq!(told(Ned::new(10.0, 0.0, -12.0), false), track(above, 0.0));
+    assert_eq!(told(Ned::new(3.0, 0.0, -10.0), false), track(above, 0.0));
+    let there = told(Ned::new(2.0, 0.0, -10.0), false);
+    assert_eq!(there, track(Ned::HOME, -2.0));
     let tracks = handle(&mut navigation, Input::Goal(MOVING));
     assert!(matches!(
         tracks[..],
@@ -288,6 +314,30 @@ fn expired_track_goal_holds_at_its_hold_altitude_until_renewed() {
             Setpoint::Track { .. }
         ))]
     ));
+}
+
+#[test]
+fn drone_climbs_to_a_newer_hold_altitude_before_it_returns() {
+    let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
+    handle(&mut navigation, Input::Goal(MOVING));
+    step_at(
+        &mut navigation,
+        Timestamp::ZERO + Duration::from_secs(2),
+        Stimulus::Timeout,
+    );
+    let away = at_rest_at(Ned::new(20.0, 0.0, -10.0));
+    handle(&mut navigation, away.clone());
+    let higher = Goal::Track {
+        to: Ned::HOME,
+        hold_altitude_m: 15.0,
+        velocity: Velocity::new(10.0, 0.0, 0.0),
+        hold: Duration::from_secs(1),
+    };
+    handle(&mut navigation, Input::Goal(higher));
+    let holds = [Transmit::FlightCommand(FlightCommand::Fly(
+        CONFIG.hold(15.0),
+    ))];
+    assert_eq!(handle(&mut navigation, away), holds);
 }
 
 #[test]

@@ -69,22 +69,23 @@ pub(crate) enum Incident {
 }
 
 impl Incident {
-    /// Whether the flight controller may hear nothing from then on, so that it brings the aircraft down.
-    pub(crate) const fn may_end_commands(&self) -> bool {
+    /// Whether the flight controller hears nothing from then on, so that it brings the aircraft down. `None` if this changes
+    /// nothing.
+    pub(crate) const fn ends_commands(&self) -> Option<bool> {
         match self {
             Self::Killed
             | Self::RanEmpty
             | Self::Fell
             | Self::Stopped
-            | Self::Hangs(_)
-            | Self::GivenUp(_) => true,
+            | Self::Hangs(None | Some(Address::Msp))
+            | Self::GivenUp(_) => Some(true),
+            Self::Rebooted | Self::Resumed => Some(false),
             Self::Routes { .. }
             | Self::Follows(_)
             | Self::Leaves
             | Self::Lands(_)
-            | Self::Rebooted
-            | Self::Resumed
-            | Self::Restarts(_) => false,
+            | Self::Hangs(Some(_))
+            | Self::Restarts(_) => None,
         }
     }
 }
