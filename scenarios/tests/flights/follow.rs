@@ -141,7 +141,7 @@ fn follower_that_was_without_position_returns_to_its_place() {
         assert_all_down_together(&report);
         let error = report.drones[drone].following.unwrap();
         assert!(
-            error.max_m < 300.0 && error.p95_m < 30.0,
+            error.max_m < 300.0 && error.mean_m < 30.0,
             "{fields:?}: {error:?}"
         );
     }

@@ -267,4 +267,25 @@ fn check_warns_of_drones_that_are_out_of_reach_on_the_way() {
     let text = verdict(&[&far[..], &["protocol.succession=land"]].concat());
     assert!(text.starts_with("WARNING"), "{text}");
     assert!(text.contains(warned), "{text}");
+    // Where there is room for a layer for each drone, they have one, though waves would leave them out of reach for less long.
+    let text = verdict(&[
+        "formation.kind=linear",
+        "formation.ground=grid",
+        "formation.drones=12",
+        "formation.spacing_m=130",
+        "changes=[{ waypoint = 0, kind = \"compact-mesh\" }]",
+        "mission.file=missions/far.waypoints",
+        "radio.range_m=150",
+        "protocol.parameters=quiet",
+        "vehicle.speed_mps=20",
+        "vehicle.acceleration_mps2=8",
+        "vehicle.climb_mps=8",
+        "vehicle.descent_mps=5",
+        "limits.separation_vertical_m=0.6",
+        "limits.altitude_max_m=1000",
+    ]);
+    assert!(
+        text.starts_with("WARNING") && text.contains("while all cross"),
+        "{text}"
+    );
 }
