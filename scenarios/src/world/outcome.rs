@@ -61,8 +61,10 @@ impl Outcome {
         let state = states.iter().take_while(|(since, _)| *since <= at).last();
         let lands = state.is_some_and(|(_, state)| *state == State::Landing);
         let happenings = recorder.history().happenings().iter();
-        let happened = happenings.filter(|it| it.node == drone && it.at <= at);
-        let ended = happened.filter_map(|it| it.what.ends_commands()).last();
+        let mut happened = happenings
+            .rev()
+            .filter(|it| it.node == drone && it.at <= at);
+        let ended = happened.find_map(|it| it.what.ends_commands());
         lands || ended == Some(true)
     }
 
