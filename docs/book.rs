@@ -11,17 +11,7 @@ use std::process::ExitCode;
 
 use mdbook_driver::MDBook;
 
-use links::{is_external, links, normal};
-
-/// Documents outside the book that link to its pages.
-const OUTSIDE: [&str; 6] = [
-    "README.md",
-    "ARCHITECTURE.md",
-    "CONTRIBUTING.md",
-    "CHANGELOG.md",
-    "scenarios/README.md",
-    "deploy/README.md",
-];
+use links::{OUTSIDE, is_external, links, normal};
 
 fn main() -> Result<ExitCode, Box<dyn Error>> {
     let docs = Path::new(env!("CARGO_MANIFEST_DIR"));

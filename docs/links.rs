@@ -2,6 +2,16 @@
 
 use std::path::{Component, Path, PathBuf};
 
+/// Documents outside the book.
+pub(crate) const OUTSIDE: [&str; 6] = [
+    "README.md",
+    "ARCHITECTURE.md",
+    "CONTRIBUTING.md",
+    "CHANGELOG.md",
+    "scenarios/README.md",
+    "deploy/README.md",
+];
+
 /// The targets of a document's links.
 pub(crate) fn links(text: &str) -> impl Iterator<Item = &str> {
     let targets = text.split("](").skip(1);

@@ -12,17 +12,9 @@ mod results;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+use self::links::OUTSIDE;
 
-/// Documents outside the book.
-const OUTSIDE: [&str; 6] = [
-    "README.md",
-    "ARCHITECTURE.md",
-    "CONTRIBUTING.md",
-    "CHANGELOG.md",
-    "scenarios/README.md",
-    "deploy/README.md",
-];
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// A document: its path, relative to the repository's root, and its text.
 struct Document {

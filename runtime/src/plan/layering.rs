@@ -262,14 +262,11 @@ pub(super) fn assign_layers(
         }
         swarm.try_quickest_first(in_waves, &room, &mut tried);
     }
-    let best = |tried: &[Candidate]| {
-        let places = tried.iter().enumerate().min_by(|(_, a), (_, b)| {
-            let by_height = a.above_m.total_cmp(&b.above_m);
-            by_height.then(a.unreached.cmp(&b.unreached))
-        });
-        places.expect("one at least is tried").0
-    };
-    let mut chosen = best(&tried);
+    let best = tried.iter().enumerate().min_by(|(_, a), (_, b)| {
+        let by_height = a.above_m.total_cmp(&b.above_m);
+        by_height.then(a.unreached.cmp(&b.unreached))
+    });
+    let (mut chosen, _) = best.expect("one at least is tried");
     let it = &tried[chosen];
     let is_unreached = it.above_m <= 0.0 && !it.unreached.is_zero();
     if is_unreached && refuses_unreached(raw, it.layout.layering()) {
