@@ -36,7 +36,7 @@ pub(crate) fn run(arguments: &Arguments) -> Result<Outcome, Failure> {
     describe_each(&arguments.files, |file| describe(file, arguments))
 }
 
-/// The verdict on a file, and the lines that explain it.
+/// The verdict on a file, and the lines that explain it, if asked for.
 struct Checked {
     verdict: String,
     lines: Vec<String>,
@@ -49,7 +49,7 @@ fn describe(file: &Path, arguments: &Arguments) -> Result<String, BadInput> {
     scenario::scenario_or_mission(file)?;
     let is_file_of_scenario = file.extension().is_some_and(|it| it == "toml");
     let checked = if is_file_of_scenario || scenario::is_shipped(file) {
-        check_scenario(file, overrides)?
+        check_scenario(file, arguments)?
     } else if overrides.is_empty() {
         check_mission(file)?
     } else {
@@ -74,15 +74,18 @@ fn describe(file: &Path, arguments: &Arguments) -> Result<String, BadInput> {
     Ok(verdict)
 }
 
-fn check_scenario(file: &Path, overrides: &[Override]) -> Result<Checked, BadInput> {
-    let scenario = scenario::load(file, overrides)?;
+fn check_scenario(file: &Path, arguments: &Arguments) -> Result<Checked, BadInput> {
+    let scenario = scenario::load(file, &arguments.overrides)?;
     let mut notes = scenario.notes();
     for (swarm, _) in &scenario.others {
         let of_swarm = |note: &String| format!("{}: {note}", swarm.name);
         notes.extend(swarm.notes().iter().map(of_swarm));
     }
-    let mut lines = vec![scenario.description()];
-    lines.extend(scenario.preview());
+    let mut lines = Vec::new();
+    if arguments.explain {
+        lines.push(scenario.description());
+        lines.extend(scenario.preview());
+    }
     Ok(Checked {
         verdict: scenario.verdict(),
         lines,

@@ -360,7 +360,8 @@ impl World {
         }
     }
 
-    /// Of a failed agent, only that it failed: its words may hold addresses in memory or paths of this computer.
+    /// Of a failed agent, only that it failed: its words may hold addresses in memory or paths of this computer. That a drone has
+    /// left lockstep shows in what it commands.
     fn trace_observation(&mut self, drone: NodeId, observation: &Observation) {
         let failed;
         let traced = match observation {
@@ -368,6 +369,7 @@ impl World {
                 failed = Observation::Mission(mission::Event::AgentFailed(String::new()));
                 &failed
             }
+            Observation::Mission(mission::Event::LeftLockstep) => return,
             observation => observation,
         };
         self.scene.core.trace(drone, Kind::Observed, traced);

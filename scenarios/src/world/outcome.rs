@@ -11,7 +11,7 @@ use muster_transport::sim::Counters;
 
 use super::injection::Injection;
 use super::port::PortFigures;
-use super::recorder::{Record, Recorder};
+use super::recorder::{Incident, Record, Recorder};
 use crate::checkers::Violation;
 use crate::report::{self, ControlSeries};
 use crate::scenario::Scenario;
@@ -66,6 +66,17 @@ impl Outcome {
             .filter(|it| it.node == drone && it.at <= at);
         let ended = happened.find_map(|it| it.what.ends_commands());
         lands || ended == Some(true)
+    }
+
+    /// Whether a drone of the scenario's own swarm had left lockstep when the first rule was broken.
+    #[must_use]
+    pub fn left_lockstep(&self, drone: NodeId) -> bool {
+        let Some(at) = self.violations.first().map(|it| it.at) else {
+            return false;
+        };
+        let happenings = self.swarms[0].recorder.history().happenings().iter();
+        let mut earlier = happenings.take_while(|it| it.at <= at);
+        earlier.any(|it| it.node == drone && it.what == Incident::LeavesLockstep)
     }
 
     /// Whether the remaining drones of the scenario's own swarm completed the mission.

@@ -84,6 +84,7 @@ impl Swarm {
                 mission::Event::LeftOut(id) => renumber(id),
                 mission::Event::State(_)
                 | mission::Event::Opened { .. }
+                | mission::Event::LeftLockstep
                 | mission::Event::Landing(_)
                 | mission::Event::Refused
                 | mission::Event::Checkpoint(_)

@@ -54,7 +54,7 @@ impl Change {
             waypoint,
             from,
             sectors_m: separation.heights_m(&plan).collect(),
-            waves: plan.wave_count(),
+            waves: plan.wave_count,
             wave_of: plan.waves,
             layout: Layout::within(formation, before.gap_m(), limits).layered_like(before),
         }

@@ -1,10 +1,10 @@
 //! Closest approaches of drones in each phase: all in lockstep, or one of them out of lockstep.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::phases::{Phase, PhaseKind};
 use super::tube::Bounds;
-use super::{Clearance, FlightPlan, Path, Separation, Tube};
+use super::{Clearance, FlightPlan, Layering, Path, Separation, Tube};
 use crate::identity::NodeId;
 
 /// Behaviour of one drone that is out of lockstep with the others.
@@ -12,7 +12,8 @@ use crate::identity::NodeId;
 pub enum Exposure {
     /// It stops anywhere on its paths for a while and then continues: a process that hangs or restarts.
     Late,
-    /// It flies to its own altitude layer and continues in it: cut off, or restarted.
+    /// It flies to its own altitude layer and continues in it: cut off, or restarted. Drones that share layers may meet others
+    /// out of lockstep there, on whichever leg those are.
     Apart,
     /// It lands on the spot and announces it: critical battery or lost position. The others continue.
     Descends,
@@ -102,11 +103,13 @@ impl FlightPlan<'_> {
     }
 
     /// Closest approaches of one affected drone and others in lockstep, for each phase and exposure. The exposure
-    /// happens in that phase, or earlier if the drone is still descending.
+    /// happens in that phase, or earlier if the drone is still descending. Of two out of lockstep in shared layers, one is in
+    /// that phase and the other in that or an earlier one, both at their altitudes.
     pub fn exposures(self) -> impl Iterator<Item = Vec<(Exposure, Proximity)>> {
         let separation = self.layout.separation();
         let landing_places = self.landing_places_alone();
         let mut still_descending: Vec<(NodeId, Tube)> = Vec::new();
+        let mut levels_so_far = TubesSoFar::default();
         self.phases().map(move |phase| {
             let in_lockstep: Vec<(NodeId, Tube)> =
                 tubes(&phase).map(|(id, path)| (id, path.into())).collect();
@@ -116,6 +119,9 @@ impl FlightPlan<'_> {
                 .map(|(id, tube)| (*id, tube.extended_to(0.0)));
             let descending: Vec<(NodeId, Tube)> = descending.collect();
             let between = |affected: &[(NodeId, Tube)], others: &[(NodeId, Tube)]| {
+                if affected.is_empty() {
+                    return Proximity::default();
+                }
                 let entries = |side: Side, tubes: &[(NodeId, Tube)]| -> Vec<Entry> {
                     let tubes = tubes.iter();
                     tubes
@@ -129,11 +135,16 @@ impl FlightPlan<'_> {
             // The descent may have begun before this phase: steps of a change take less time than a descent.
             let earlier = std::mem::take(&mut still_descending);
             let all_descending: Vec<_> = earlier.iter().chain(&descending).copied().collect();
+            let new_levels = match self.layout.layering() {
+                Layering::Shared => levels_so_far.add(upper_paths(&alone)),
+                Layering::PerDrone => Vec::new(),
+            };
             let found = Exposure::ALL.map(|exposure| {
                 let nearness = match exposure {
                     Exposure::Late => between(&in_lockstep, &in_lockstep),
                     Exposure::Apart => between(&alone, &in_lockstep)
-                        .merge(between(&self.landings_elsewhere(&phase), &in_lockstep)),
+                        .merge(between(&self.landings_elsewhere(&phase), &in_lockstep))
+                        .merge(between(&new_levels, &levels_so_far.tubes)),
                     Exposure::Descends => between(&all_descending, &in_lockstep),
                     Exposure::Killed => {
                         between(&descending, &in_lockstep).merge(between(&all_descending, &alone))
@@ -163,6 +174,35 @@ impl Proximity {
         }
         self.conflicts.extend(other.conflicts);
         self
+    }
+}
+
+/// What drones out of lockstep fly at their altitudes.
+fn upper_paths(alone: &[(NodeId, Tube)]) -> impl Iterator<Item = (NodeId, Tube)> + '_ {
+    alone.iter().map(|(id, tube)| (*id, tube.upper().into()))
+}
+
+/// Tubes of all phases so far, each once.
+#[derive(Default)]
+struct TubesSoFar {
+    tubes: Vec<(NodeId, Tube)>,
+    /// Those of each drone.
+    of: BTreeMap<NodeId, Vec<Tube>>,
+}
+
+impl TubesSoFar {
+    /// Adds tubes, and returns those that were new.
+    fn add(&mut self, tubes: impl Iterator<Item = (NodeId, Tube)>) -> Vec<(NodeId, Tube)> {
+        let mut new = Vec::new();
+        for (id, tube) in tubes {
+            let known = self.of.entry(id).or_default();
+            if !known.contains(&tube) {
+                known.push(tube);
+                new.push((id, tube));
+            }
+        }
+        self.tubes.extend_from_slice(&new);
+        new
     }
 }
 

@@ -82,7 +82,7 @@ impl GroundPlaces {
                 }
             };
             let cost = |plan: &LayerPlan| {
-                let (waves, highest) = (plan.wave_count(), plan.highest());
+                let (waves, highest) = (plan.wave_count, plan.highest());
                 (plan.exposed, plan.unreached, waves, highest)
             };
             if best

@@ -11,6 +11,8 @@ use super::reach::Reach;
 pub(super) struct LayerPlan {
     pub(super) layers: Vec<u32>,
     pub(super) waves: Vec<u16>,
+    /// Number of waves, at least one.
+    pub(super) wave_count: u16,
     /// Number of path ends with another path below the drone that climbs and descends there. Such pairs are separated
     /// only as long as they start together.
     pub(super) exposed: usize,
@@ -59,7 +61,7 @@ impl LayerPlan {
         }
         let schedule = Schedule::new(reach, crossings, waiting, BelowFirst::Wait);
         let other = Self::of_schedule(reach, &schedule, limits);
-        let cost = |it: &Self| (it.exposed, it.unreached, it.wave_count());
+        let cost = |it: &Self| (it.exposed, it.unreached, it.wave_count);
         if cost(&other) < cost(&plan) {
             other
         } else {
@@ -103,6 +105,7 @@ impl LayerPlan {
         Self {
             layers: vec![0; drones],
             waves: vec![0; drones],
+            wave_count: 1,
             exposed: 0,
             unreached: 0,
         }
@@ -160,11 +163,6 @@ impl LayerPlan {
 
     pub(super) fn highest(&self) -> u32 {
         self.layers.iter().copied().max().unwrap_or(0)
-    }
-
-    /// Number of waves, at least one.
-    pub(super) fn wave_count(&self) -> u16 {
-        self.waves.iter().copied().max().unwrap_or(0) + 1
     }
 }
 
@@ -246,6 +244,7 @@ impl<'a> Schedule<'a> {
         for member in members {
             next.waves[*member] = wave;
         }
+        next.wave_count = wave + 1;
         next
     }
 }

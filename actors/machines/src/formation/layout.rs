@@ -270,7 +270,7 @@ impl Layout {
     /// Number of take-off waves.
     #[must_use]
     pub fn take_off_waves(&self) -> u16 {
-        self.take_off_paths().places.layer_plan.wave_count()
+        self.take_off_paths().places.layer_plan.wave_count
     }
 
     /// Wave in which a drone lands, from 0. Drones land from the outside in, so the remaining ones stay within radio
@@ -281,13 +281,13 @@ impl Layout {
     #[must_use]
     pub fn landing_wave(&self, id: NodeId) -> u16 {
         let outwards = &self.landing.places.layer_plan;
-        outwards.wave_count() - 1 - outwards.waves[id.0 as usize]
+        outwards.wave_count - 1 - outwards.waves[id.0 as usize]
     }
 
     /// Number of landing waves.
     #[must_use]
     pub fn landing_waves(&self) -> u16 {
-        self.landing.places.layer_plan.wave_count()
+        self.landing.places.layer_plan.wave_count
     }
 
     /// Altitude layer of each drone between its slot at the last waypoint and its landing place, in metres above the

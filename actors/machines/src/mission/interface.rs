@@ -128,6 +128,8 @@ pub enum Event {
     },
     /// As master: does not wait for this member any more.
     LeftOut(NodeId),
+    /// The drone flies in its own altitude layer from now on, as some drones may not be in lockstep with it.
+    LeftLockstep,
     /// The drone lands, or stays on the ground.
     Landing(LandingReason),
     /// An input was invalid, or not valid in the current state.

@@ -209,8 +209,7 @@ impl Mission {
     /// Flies in its own altitude layer from now on. The links to the others may change by that. At a waypoint it climbs
     /// above its slot; on a leg it does so at the end.
     pub(super) fn leave_lockstep(&mut self) {
-        if !self.durable.lockstep.in_layer {
-            self.durable.lockstep.in_layer = true;
+        if self.enter_layer() {
             self.durable.lockstep.climbs = self.is_at_waypoint()
                 || matches!(self.durable.state, State::MovingToWaypoint { .. });
             self.climb_if_at_waypoint();

@@ -96,6 +96,9 @@ fn describe(seen: &Observation) -> String {
         Observation::Mission(mission::Event::LeftOut(drone)) => {
             format!("flies without drone {drone}")
         }
+        Observation::Mission(mission::Event::LeftLockstep) => {
+            "flies in its own altitude layer from now on".to_owned()
+        }
         Observation::Mission(mission::Event::Landing(reason)) => {
             format!("lands: {reason:?}")
         }

@@ -106,6 +106,7 @@ fn condition(what: Incident, before: &[(Timestamp, Condition)]) -> Option<Condit
         Incident::Routes { .. }
         | Incident::Follows(_)
         | Incident::Leaves
+        | Incident::LeavesLockstep
         | Incident::Lands(_)
         | Incident::Hangs(Some(_))
         | Incident::Restarts(_) => None,

@@ -105,6 +105,7 @@ fn incident(id: u32, leads: bool, what: Incident) -> Option<(MarkKind, String)> 
         | Incident::Hangs(Some(_))
         | Incident::Routes { .. }
         | Incident::Leaves
+        | Incident::LeavesLockstep
         | Incident::Follows(_) => return None,
         Incident::Lands(reason) => (
             MarkKind::Landing,

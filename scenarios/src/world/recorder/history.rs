@@ -46,6 +46,8 @@ pub(crate) enum Incident {
     Follows(Ballot),
     /// It leaves the swarm, to follow nobody.
     Leaves,
+    /// It flies in its own altitude layer from now on.
+    LeavesLockstep,
     /// It goes to land.
     Lands(LandingReason),
     /// Its companion computer died.
@@ -83,6 +85,7 @@ impl Incident {
             Self::Routes { .. }
             | Self::Follows(_)
             | Self::Leaves
+            | Self::LeavesLockstep
             | Self::Lands(_)
             | Self::Hangs(Some(_))
             | Self::Restarts(_) => None,

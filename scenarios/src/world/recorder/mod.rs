@@ -201,6 +201,9 @@ impl Recorder {
                 }
                 self.milestones.enters(now, before, state, sent);
             }
+            mission::Event::LeftLockstep => {
+                self.history.happens(now, id, Incident::LeavesLockstep);
+            }
             mission::Event::Landing(reason) => {
                 self.history.happens(now, id, Incident::Lands(reason));
                 self.record(id).reason = Some(reason);

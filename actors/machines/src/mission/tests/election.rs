@@ -231,13 +231,18 @@ fn drone_on_the_ground_does_not_claim() {
 fn legs_after_an_election_are_flown_in_own_layer() {
     let mut member = member_with_elections(0);
     assert!(!member.durable.lockstep.in_layer);
-    let transmits = notify(
-        &mut member,
-        41.0,
-        order_of(ballot(2, 2, 2), 1, &open_waypoint(1)),
-    );
+    let leads = |sequence, waypoint| {
+        let order = order_of(ballot(2, 2, 2), sequence, &open_waypoint(waypoint));
+        Stimulus::Input(Input::Routing(order))
+    };
+    let (transmits, events) = stimulate(&mut member, 41.0, leads(1, 1));
+    assert!(events.contains(&Event::LeftLockstep));
     let transit = transmits
         .iter()
         .any(|it| matches!(it, Transmit::Goal(Goal::TransitTo { .. })));
     assert!(transit && member.durable.lockstep.in_layer, "{transmits:?}");
+    arrive(&mut member, 60.0);
+    let (_, events) = stimulate(&mut member, 61.0, leads(2, 2));
+    assert!(events.contains(&Event::State(State::MovingToWaypoint { waypoint: 2 })));
+    assert!(!events.contains(&Event::LeftLockstep), "once");
 }
