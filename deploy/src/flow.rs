@@ -92,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn who_connects_is_told_how_the_aircraft_moves_until_it_is_gone() {
+    fn a_client_gets_the_motion_of_the_aircraft_until_that_is_gone() {
         let errors = FlowErrors {
             sigma_radps: 0.0,
             range_max_m: 8.0,

@@ -280,10 +280,10 @@ mod tests {
     }
 
     #[test]
-    fn ssh_is_told_to_notice_a_silent_host() {
+    fn ssh_has_options_to_notice_a_silent_host() {
         let ssh = ["ssh", "pi@a"].map(str::to_owned);
-        let told = command(&ssh, &["uname"]);
-        let arguments: Vec<_> = told.get_args().collect();
+        let command_line = command(&ssh, &["uname"]);
+        let arguments: Vec<_> = command_line.get_args().collect();
         assert_eq!(arguments, ["-o", "ServerAliveInterval=10", "pi@a", "uname"]);
     }
 

@@ -97,8 +97,8 @@ impl Pursuit {
 
     /// Tells the others what this drone sees, unless they have just been told.
     fn report(&mut self, seen: Sighting, context: &mut Context<'_>) {
-        let is_due = |told: Timestamp| context.now().since(told) >= REPORT_PERIOD;
-        if self.reported.is_some_and(|told| !is_due(told)) {
+        let is_due = |last: Timestamp| context.now().since(last) >= REPORT_PERIOD;
+        if self.reported.is_some_and(|last| !is_due(last)) {
             return;
         }
         self.reported = Some(context.now());

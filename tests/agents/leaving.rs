@@ -58,7 +58,7 @@ fn flown(leavers: &'static [u32], fields: &[(&str, &str)]) -> Report {
 }
 
 #[test]
-fn whoever_leaves_the_others_have_a_leader_and_all_hear_each_other() {
+fn any_drone_may_leave_and_the_others_have_a_leader_and_all_hear_each_other() {
     for leavers in [&[0_u32][..], &[LEADER], &[0, 1, 3, 4], &[0, 1, 2, 3, 4]] {
         for policy in ["tree", "flood"] {
             for loss in ["0.0", "0.3"] {

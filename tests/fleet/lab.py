@@ -166,7 +166,7 @@ class Host:
 class Lab:
     """The hosts, a switch, and the operator's machine."""
 
-    # The user whom the operator logs in as.
+    # The user that the operator logs in as.
     user = "root"
 
     def __init__(self, folder, image, hosts=len(NAMES), kind=Host):

@@ -1,5 +1,6 @@
 //! Motions in closed form, without time steps: what a simulated vehicle flies, and what a real one is to follow.
 
+mod leg;
 mod tracking;
 
 use std::time::Duration;
@@ -7,6 +8,7 @@ use std::time::Duration;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 
+pub use self::leg::Leg;
 use self::tracking::Limits;
 use crate::geometry::{Ned, Velocity};
 use crate::msp::Setpoint;
@@ -302,10 +304,8 @@ impl Motion {
         }
         self.braking_mps2 = acceleration_mps2;
         let ahead = leg / length_m;
-        let speed = speed_mps.min((length_m * acceleration_mps2).sqrt());
-        let ramp_s = speed / acceleration_mps2;
-        let ramp_m = speed * ramp_s / 2.0;
-        let cruise_m = (length_m - 2.0 * ramp_m).max(0.0);
+        let profile = Leg::new(length_m, speed_mps, acceleration_mps2);
+        let (speed, ramp_s, ramp_m) = (profile.peak_mps(), profile.ramp_s(), profile.ramp_m());
         let start = self.end_time().unwrap_or(Timestamp::ZERO);
         let push = ahead * acceleration_mps2;
         let start = self.push(start, from, Vector3::zeros(), push, ramp_s);
@@ -315,7 +315,7 @@ impl Motion {
             after_ramp,
             ahead * speed,
             Vector3::zeros(),
-            cruise_m / speed,
+            profile.cruise_s(),
         );
         let before_ramp = to.0 - ahead * ramp_m;
         let end = self.push(start, before_ramp, ahead * speed, -push, ramp_s);

@@ -326,7 +326,7 @@ mod tests {
     }
 
     #[test]
-    fn motors_are_told_to_stop_as_they_turn() {
+    fn motors_are_stopped_as_they_turn() {
         let counts = |features| {
             let written = written(features);
             [SetMotor::STOP, SetMotor::STOP_REVERSIBLE].map(|it| count(&written, &it))

@@ -193,13 +193,13 @@ mod tests {
             "policy = 3",
             "pair = [1]",
         ] {
-            let told = refused(text);
+            let error = refused(text);
             let has_types = [
                 "u32", "enum", "tuple", "boolean", "literal", "variant", "invalid",
             ];
             assert!(
-                !has_types.iter().any(|it| told.contains(it)),
-                "{text}: {told}"
+                !has_types.iter().any(|it| error.contains(it)),
+                "{text}: {error}"
             );
         }
     }

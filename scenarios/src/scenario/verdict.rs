@@ -193,23 +193,7 @@ impl Scenario {
     fn leg_s(&self, [from, to]: [Ned; 2]) -> f64 {
         let follow = self.plan.follow.as_ref();
         let vehicle = follow.map_or(&self.plan.vehicle, |follow| &follow.master);
-        let up_m = to.altitude_m() - from.altitude_m();
-        let vertical_mps = if up_m > 0.0 {
-            vehicle.climb_mps
-        } else {
-            vehicle.descent_mps
-        };
-        let acceleration_mps2 = vehicle.acceleration_mps2;
-        // On a short way a vehicle brakes before it is at its full speed.
-        let from_rest_to_rest_s = |length_m: f64, speed_mps: f64| {
-            if length_m < speed_mps * speed_mps / acceleration_mps2 {
-                2.0 * (length_m / acceleration_mps2).sqrt()
-            } else {
-                length_m / speed_mps + speed_mps / acceleration_mps2
-            }
-        };
-        let over_ground_s = from_rest_to_rest_s(from.horizontal_distance_m(to), vehicle.speed_mps);
-        over_ground_s.max(from_rest_to_rest_s(up_m.abs(), vertical_mps))
+        vehicle.profile(from, to).duration_s()
     }
 }
 

@@ -76,7 +76,7 @@ fn mesh_without_room_for_its_layers_flies_in_waves() {
 /// With the places of seed 83, a wave that landed once left others without a link to the master; with those of seed 102, a
 /// drone lost its parent, which flew to land, and elected itself beside neighbours with routes.
 #[test]
-fn random_places_of_any_seed_elect_nobody_without_a_fault() {
+fn random_places_of_any_seed_hold_no_election_without_a_fault() {
     for seed in ["seed=83", "seed=102"] {
         let set = [
             seed,
@@ -96,7 +96,7 @@ fn random_places_of_any_seed_elect_nobody_without_a_fault() {
 
 /// Nobody is out of the master's reach for so long that another takes over, whatever way the slots lie.
 #[test]
-fn swarms_with_a_range_of_about_two_spacings_elect_nobody_without_a_fault() {
+fn swarms_with_a_range_of_about_two_spacings_hold_no_election_without_a_fault() {
     let kinds: [&[&str]; 4] = [
         &["formation.kind=random", "formation.drones=60"],
         &["formation.kind=compact-mesh", "formation.drones=61"],

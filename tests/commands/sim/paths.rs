@@ -176,10 +176,10 @@ fn name_of_a_file_without_its_end_is_refused_with_the_files_name() {
         ),
     ] {
         let run = muster(folder.path()).args(arguments).assert().code(2);
-        let told = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
+        let errors = String::from_utf8_lossy(&run.get_output().stderr).into_owned();
         assert!(
-            told.contains(&format!("the file here is named {file}")),
-            "{told}"
+            errors.contains(&format!("the file here is named {file}")),
+            "{errors}"
         );
     }
 }

@@ -90,9 +90,9 @@ mod tests {
             };
             let ahead = size(0.0);
             for bearing in 1..12 {
-                let aside = size(f64::from(bearing) * 0.5);
+                let lateral = size(f64::from(bearing) * 0.5);
                 assert!(
-                    (aside - ahead).abs() < 1e-9 * ahead,
+                    (lateral - ahead).abs() < 1e-9 * ahead,
                     "{distance_m} {bearing}"
                 );
             }

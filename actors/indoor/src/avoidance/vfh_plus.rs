@@ -139,9 +139,9 @@ impl VfhPlus {
         });
         let [left, right] = turns.map(|cosine| libm::acos(cosine.min(1.0)));
         let is_out = |sector: &usize| {
-            let aside = wrapped_rad(bearing_of(*sector as f64) - situation.course_rad);
+            let off_course_rad = wrapped_rad(bearing_of(*sector as f64) - situation.course_rad);
             // The course itself is no turn.
-            aside.abs() > SECTOR_RAD && (aside > left || -aside > right)
+            off_course_rad.abs() > SECTOR_RAD && (off_course_rad > left || -off_course_rad > right)
         };
         (0..SECTORS).filter(is_out).collect()
     }

@@ -209,8 +209,8 @@ mod tests {
         // The pillar is 0.3 m ahead and 0.05 m beside the axis of a drone one row above it.
         let range_m = cones.range_m(12.5, 4.9, 0.0).unwrap();
         assert!((range_m - 0.35).abs() < 0.06, "{range_m}");
-        let aside = cones.range_m(12.5, 4.9, PI / 2.0).unwrap();
-        assert!((aside - 0.35).abs() < 0.06, "{aside}");
+        let lateral = cones.range_m(12.5, 4.9, PI / 2.0).unwrap();
+        assert!((lateral - 0.35).abs() < 0.06, "{lateral}");
     }
 
     /// From another point of a place, all poses were off by half a cell.

@@ -113,7 +113,7 @@ fn omni(
         |of_turn: f64, of_distance: f64| libm::sqrt(of_turn * turn_sq + of_distance * distance_sq);
     let turn_noise = deviation(config.alpha1, config.alpha2) as f32;
     let along_noise = (deviation(config.alpha4, config.alpha3) / metres_per_cell) as f32;
-    let aside_noise = (deviation(config.alpha4, config.alpha5) / metres_per_cell) as f32;
+    let lateral_noise = (deviation(config.alpha4, config.alpha5) / metres_per_cell) as f32;
     let course = if distance_sq > 0.0 {
         libm::atan2(motion.left_m, motion.forward_m) as f32
     } else {
@@ -125,9 +125,9 @@ fn omni(
     for ((x, y), heading) in poses.zip(&mut particles.heading) {
         let (sin, cos) = sin_cos(*heading + course);
         let along = distance + along_noise * noise.normal();
-        let aside = aside_noise * noise.normal();
-        *x += along * cos - aside * sin;
-        *y += along * sin + aside * cos;
+        let lateral = lateral_noise * noise.normal();
+        *x += along * cos - lateral * sin;
+        *y += along * sin + lateral * cos;
         *heading += turn + turn_noise * noise.normal();
     }
 }
@@ -229,9 +229,9 @@ mod tests {
         };
         let went = moved(sideways, &config);
         assert!(spread(&went.heading).1 < 1e-6);
-        let ((left, along), (_, aside)) = (spread(&went.y), spread(&went.x));
+        let ((left, along), (_, lateral)) = (spread(&went.y), spread(&went.x));
         assert!((left - 4.0).abs() < 0.05 && (along - 0.8).abs() < 0.03);
-        assert!((aside - 0.4).abs() < 0.02, "{aside}");
+        assert!((lateral - 0.4).abs() < 0.02, "{lateral}");
         let diff = Config {
             odom_model: OdomModel::Diff,
             ..config

@@ -81,7 +81,7 @@ pub struct Host {
     /// Whether the agent, resumed in flight, waits for the drone's position to start.
     awaits_position: bool,
     /// When the agent was last told that the drone has arrived.
-    told_of_arrival: Option<Timestamp>,
+    arrival_reported: Option<Timestamp>,
     /// When it is told again, of a goal at which the drone rests already.
     next_arrival: Option<Timestamp>,
     waiting: Waiting,
@@ -132,7 +132,7 @@ impl Host {
             is_leader_silent: false,
             next_telemetry: None,
             awaits_position,
-            told_of_arrival: None,
+            arrival_reported: None,
             next_arrival: None,
             waiting: Waiting::default(),
             has_changed: false,
@@ -358,12 +358,12 @@ impl Host {
     /// Tells the agent that the drone rests at its goal. The next time is [`TELEMETRY_MIN`] later, so that an agent that flies
     /// to where it is does not do so without a pause.
     fn handle_arrival(&mut self, now: Timestamp, at: Ned) {
-        let due = (self.told_of_arrival).map_or(Timestamp::ZERO, |last| last + TELEMETRY_MIN);
+        let due = (self.arrival_reported).map_or(Timestamp::ZERO, |last| last + TELEMETRY_MIN);
         if now < due {
             self.next_arrival = Some(due);
         } else {
             self.next_arrival = None;
-            self.told_of_arrival = Some(now);
+            self.arrival_reported = Some(now);
             self.handle_telemetry(now, (at, Velocity::new(0.0, 0.0, 0.0)), true);
         }
     }

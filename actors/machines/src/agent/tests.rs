@@ -391,7 +391,7 @@ fn agent_gets_positions_arrivals_messages_and_timers() {
 }
 
 #[test]
-fn agent_is_not_told_of_an_arrival_at_a_place_that_it_left_for_another() {
+fn agent_hears_of_no_arrival_at_a_place_that_it_left_for_another() {
     let mut drone = member_on_task();
     drone.message(b"go on");
     drone.calls();

@@ -98,9 +98,9 @@ impl PlannedFlight<'_> {
                 each.zip(phase.paths.iter().zip(reached))
             {
                 // A drone that is told to land needs no further order.
-                let is_told = matches!(phase.kind, PhaseKind::Land { .. })
+                let has_orders = matches!(phase.kind, PhaseKind::Land { .. })
                     && paths[paths.len() - 1].to.altitude_m() <= 0.0;
-                let is_out = !is_reached && !is_told;
+                let is_out = !is_reached && !has_orders;
                 *out_s = if is_out { *out_s + step_s } else { 0.0 };
                 *longest_s = longest_s.max(*out_s);
             }
@@ -108,20 +108,11 @@ impl PlannedFlight<'_> {
         longest_s
     }
 
-    /// Time from rest to rest, in seconds.
+    /// Time of a path and of the rest at its end, in seconds.
     fn path_s(&self, path: Path) -> f64 {
-        let up_m = path.to.altitude_m() - path.from.altitude_m();
-        let vertical_mps = if up_m > 0.0 {
-            self.vehicle.climb_mps
-        } else {
-            self.vehicle.descent_mps
-        };
-        let over_ground_s = path.from.horizontal_distance_m(path.to) / self.vehicle.speed_mps;
-        let level_s = over_ground_s.max(up_m.abs() / vertical_mps);
-        if level_s > 0.0 {
-            level_s
-                + self.vehicle.speed_mps / self.vehicle.acceleration_mps2
-                + self.settle.as_secs_f64()
+        let duration_s = self.vehicle.profile(path.from, path.to).duration_s();
+        if duration_s > 0.0 {
+            duration_s + self.settle.as_secs_f64()
         } else {
             0.0
         }
@@ -137,7 +128,9 @@ impl PlannedFlight<'_> {
         for path in paths {
             let path_s = self.path_s(*path);
             if left_s < path_s {
-                return Ned(path.from.0.lerp(&path.to.0, left_s / path_s));
+                let flown_m = self.vehicle.profile(path.from, path.to).flown_m(left_s);
+                let length_m = (path.to - path.from).0.norm();
+                return Ned(path.from.0.lerp(&path.to.0, flown_m / length_m));
             }
             left_s -= path_s;
         }

@@ -1,5 +1,6 @@
 use super::Failsafe;
 use crate::geometry::Ned;
+use crate::motion::Leg;
 use crate::msp::Setpoint;
 use crate::traffic;
 
@@ -23,6 +24,22 @@ pub struct Config {
 impl Config {
     /// Leg at the maximum speed in its direction.
     pub(super) fn leg(&self, from: Ned, to: Ned) -> Setpoint {
+        Setpoint::Leg {
+            to,
+            speed_mps: self.leg_mps(from, to),
+            acceleration_mps2: self.acceleration_mps2,
+        }
+    }
+
+    /// Speeds along a leg that is flown from rest to rest.
+    #[must_use]
+    pub fn profile(&self, from: Ned, to: Ned) -> Leg {
+        let length_m = (to - from).0.norm();
+        Leg::new(length_m, self.leg_mps(from, to), self.acceleration_mps2)
+    }
+
+    /// Maximum speed in the direction of a leg, in m/s.
+    fn leg_mps(&self, from: Ned, to: Ned) -> f64 {
         let path = to - from;
         let length_m = path.0.norm();
         let over_ground = from.horizontal_distance_m(to) / length_m;
@@ -33,15 +50,10 @@ impl Config {
             self.descent_mps
         };
         // A zero fraction divides to infinity, which `min` ignores.
-        let speed_mps = if length_m > 0.0 {
+        if length_m > 0.0 {
             (self.speed_mps / over_ground).min(vertical_mps / climbing.abs())
         } else {
             self.speed_mps
-        };
-        Setpoint::Leg {
-            to,
-            speed_mps,
-            acceleration_mps2: self.acceleration_mps2,
         }
     }
 

@@ -271,7 +271,7 @@ fn expired_track_goal_holds_at_its_hold_altitude_until_renewed() {
         velocity: Velocity::new(10.0, 0.0, -2.0),
         hold: Duration::from_secs(1),
     };
-    let mut told = |position: Ned, at_rest: bool| {
+    let mut commanded = |position: Ned, at_rest: bool| {
         let asked = handle(&mut navigation, Input::Goal(climbing));
         assert_eq!(asked, [Transmit::FlightCommand(FlightCommand::Report)]);
         let Input::Telemetry(telemetry) = at_rest_at(position) else {
@@ -297,15 +297,24 @@ fn expired_track_goal_holds_at_its_hold_altitude_until_renewed() {
         })
     };
     let above = Ned::HOME.at_altitude(10.0);
-    let climbs = told(Ned::new(20.0, 0.0, -9.5), false);
+    let climbs = commanded(Ned::new(20.0, 0.0, -9.5), false);
     assert_eq!(climbs, None, "it still climbs");
-    let rests_below = told(Ned::new(20.0, 0.0, -5.0), true);
+    let rests_below = commanded(Ned::new(20.0, 0.0, -5.0), true);
     assert_eq!(rests_below, Some(CONFIG.hold(10.0)));
-    assert_eq!(told(Ned::new(20.0, 0.0, -10.0), true), track(above, 0.0));
+    assert_eq!(
+        commanded(Ned::new(20.0, 0.0, -10.0), true),
+        track(above, 0.0)
+    );
     // Whatever its height is on the way.
-    assert_eq!(told(Ned::new(10.0, 0.0, -12.0), false), track(above, 0.0));
-    assert_eq!(told(Ned::new(3.0, 0.0, -10.0), false), track(above, 0.0));
-    let there = told(Ned::new(2.0, 0.0, -10.0), false);
+    assert_eq!(
+        commanded(Ned::new(10.0, 0.0, -12.0), false),
+        track(above, 0.0)
+    );
+    assert_eq!(
+        commanded(Ned::new(3.0, 0.0, -10.0), false),
+        track(above, 0.0)
+    );
+    let there = commanded(Ned::new(2.0, 0.0, -10.0), false);
     assert_eq!(there, track(Ned::HOME, -2.0));
     let tracks = handle(&mut navigation, Input::Goal(MOVING));
     assert!(matches!(
@@ -349,7 +358,7 @@ fn drone_level_with_its_place_returns_straight_there() {
     let behind = at_rest_at(Ned::new(-20.0, 0.0, -0.5));
     handle(&mut navigation, behind.clone());
     handle(&mut navigation, Input::Goal(MOVING));
-    let told = handle(&mut navigation, behind);
+    let commanded = handle(&mut navigation, behind);
     let straight = Setpoint::Track {
         to: Ned::HOME,
         velocity: Velocity::new(10.0, 0.0, 0.0),
@@ -358,7 +367,7 @@ fn drone_level_with_its_place_returns_straight_there() {
         hold: Duration::from_secs(1),
     };
     assert_eq!(
-        told,
+        commanded,
         [Transmit::FlightCommand(FlightCommand::Fly(straight))]
     );
 }

@@ -105,15 +105,15 @@ fn drone_too_near_at_the_start_does_not_block_a_path() {
 }
 
 #[test]
-fn drone_below_one_that_lands_does_not_climb_but_may_fly_aside() {
+fn drone_below_one_that_lands_does_not_climb_but_may_sidestep() {
     let mut known = traffic(&[]);
     let landing = Intent::of(path(at(2.0, 0.0, 35.0), at(2.0, 0.0, 0.0)), 0.0, true);
     known.update(seconds(0.0), NodeId(2), Some(landing));
     let climb = |altitude_m| path(at(0.0, 0.0, altitude_m), at(0.0, 0.0, 40.0));
     assert!(!known.is_clear(seconds(1.0), climb(12.0)));
     assert!(known.must_give_way(seconds(1.0), climb(15.0), climb(12.0)));
-    let aside = path(at(0.0, 0.0, 12.0), at(-10.0, 0.0, 12.0));
-    assert!(known.is_clear(seconds(1.0), aside));
+    let sidestep = path(at(0.0, 0.0, 12.0), at(-10.0, 0.0, 12.0));
+    assert!(known.is_clear(seconds(1.0), sidestep));
     assert!(
         known
             .room_beside(seconds(1.0), at(0.0, 0.0, 12.0), ANYWHERE)

@@ -216,7 +216,7 @@ fn unanswered_questions_count_as_lost() {
 }
 
 #[test]
-fn a_late_answer_answers_nothing_but_shows_for_two_seconds_that_the_controller_lives() {
+fn a_late_answer_answers_no_question_but_shows_for_two_seconds_that_the_controller_is_alive() {
     for (ticks, expected) in [(20, Some(Answered::Late)), (250, None)] {
         let mut line = Line::new();
         line.answers = false;

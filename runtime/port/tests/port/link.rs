@@ -105,7 +105,7 @@ fn a_controller_that_was_armed_when_the_port_opened_is_looked_at_once_it_has_lan
 }
 
 #[test]
-fn a_port_that_closes_after_a_landing_has_told_twice_that_the_controller_is_disarmed() {
+fn a_port_that_closes_after_a_landing_has_reported_twice_that_the_controller_is_disarmed() {
     let controller = Controller::on_tcp(Manner {
         armed_statuses: 10,
         ..KIND
@@ -126,7 +126,7 @@ fn a_port_that_closes_after_a_landing_has_told_twice_that_the_controller_is_disa
 }
 
 #[test]
-fn a_closed_port_identifies_nobody_until_it_is_open_again() {
+fn a_closed_port_identifies_no_controller_until_it_is_open_again() {
     let controller = Controller::on_tcp(Manner {
         armed_statuses: 10,
         ..KIND

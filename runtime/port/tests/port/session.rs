@@ -31,7 +31,7 @@ fn noise_before_an_answer_costs_no_answer() {
 }
 
 #[test]
-fn a_refused_question_and_a_silent_controller_are_told_apart() {
+fn a_refused_question_and_a_silent_controller_are_different_errors() {
     let controller = Controller::on_tcp(KIND);
     let mut session = Session::open(&controller.address).expect("it is there");
     let refused = ask::<RawGps, _>(&mut session).expect_err("it has no GPS");

@@ -173,7 +173,7 @@ fn empty_battery_ends_the_flight() {
 }
 
 #[test]
-fn altitude_is_told_from_the_place_of_arming_and_height_from_the_ground() {
+fn altitude_counts_from_the_place_of_arming_and_height_from_the_ground() {
     let mut companion = Companion::hovering(exact(Settings::sole()), 3.0);
     let altitude = companion.ask::<Altitude>();
     let height = companion.ask::<Sonar>();

@@ -116,7 +116,7 @@ fn identity_is_that_of_the_configured_version() {
 }
 
 #[test]
-fn settings_are_told() {
+fn settings_can_be_read() {
     let mut companion = silent();
     let ids = companion.ask::<BoxIds>();
     let names = companion.ask::<BoxNames>();

@@ -57,8 +57,9 @@ fn search_finds_every_flaw_of_the_altitude_layers() {
         Flaw::FliesToLandingInOneLayer,
         Flaw::SkipsLayers,
     ];
-    // Lossless links: with losses some plans need deconfliction.
+    // Lossless links: with losses some plans need deconfliction. No exposures are accepted, which these flaws would hide in.
     let lossless = [
+        "limits={ altitude_max_m = 80 }",
         "safety.avoid=false",
         "protocol.kind=muscop",
         "formation.spacing_m=60",

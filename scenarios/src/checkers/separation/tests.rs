@@ -127,8 +127,8 @@ fn landing_on_a_drone_in_its_landing_place_breaks_the_rule() {
     let violation = violation.unwrap();
     assert!(violation.at > at(20.0));
     // It comes down from exactly the minimum, which the message does not show.
-    let told = "3.00 m apart horizontally and 4.99 m vertically; 5 m or 5 m are needed";
-    assert!(violation.what.ends_with(told), "{}", violation.what);
+    let expected = "3.00 m apart horizontally and 4.99 m vertically; 5 m or 5 m are needed";
+    assert!(violation.what.ends_with(expected), "{}", violation.what);
 }
 
 proptest! {

@@ -247,20 +247,21 @@ fn a_vehicle_stays_on_its_leg_however_often_its_link_restarts() {
         bench.pass(25.0);
         let begin = bench.truth.expect("it flies").position;
         bench.fly(height_m, 2_000.0);
-        let (mut high_m, mut aside_m, mut north_m) = (0.0_f64, 0.0_f64, 0.0);
+        let (mut high_m, mut lateral_m, mut north_m) = (0.0_f64, 0.0_f64, 0.0);
         for step in 1..=1_800 {
             bench.pass(0.1);
             let place = bench.truth.expect("it flies").position;
             high_m = high_m.max(place.vertical_distance_m(begin));
-            aside_m = aside_m.max((place.east_m() - begin.east_m()).abs());
+            lateral_m = lateral_m.max((place.east_m() - begin.east_m()).abs());
             north_m = place.north_m() - begin.north_m();
             if f64::from(step) % (every_s * 10.0) == 0.0 {
                 bench.restart_link();
             }
         }
-        let what =
-            format!("{receiver}, every {every_s} s: {high_m:.1} m, {aside_m:.1} m, {north_m:.0} m");
-        assert!(high_m < 1.0 && aside_m < 4.0 && north_m > 50.0, "{what}");
+        let what = format!(
+            "{receiver}, every {every_s} s: {high_m:.1} m, {lateral_m:.1} m, {north_m:.0} m"
+        );
+        assert!(high_m < 1.0 && lateral_m < 4.0 && north_m > 50.0, "{what}");
         assert!(
             bench.violation.is_none() && bench.telemetry.is_some_and(|it| it.armed && !it.landing)
         );

@@ -157,7 +157,7 @@ fn waiting_messages_are_bounded() {
 }
 
 #[test]
-fn failed_agent_is_told_again_where_its_drone_rests() {
+fn failed_agent_hears_again_where_its_drone_rests() {
     let mut drone = member_on_task();
     let arrived = Input::Navigation(NavigationNotice::Arrived(FIRST_GOAL));
     drone.input(arrived.clone());
@@ -171,7 +171,7 @@ fn failed_agent_is_told_again_where_its_drone_rests() {
 }
 
 #[test]
-fn arrivals_at_one_place_are_told_one_after_another() {
+fn arrivals_at_one_place_are_reported_one_after_another() {
     let mut drone = member_on_task();
     drone.calls();
     let arrived = Input::Navigation(NavigationNotice::Arrived(FIRST_GOAL));

@@ -103,7 +103,7 @@ fn master_that_returned_while_the_routing_was_down_is_believed() {
 }
 
 #[test]
-fn pure_relay_whose_battery_is_low_goes_on_when_its_mission_restarts() {
+fn pure_relay_with_a_low_battery_continues_when_its_mission_restarts() {
     let drones = config(0, Liveness::Heartbeat).layout.formation().drones();
     let relay = || config(drones, Liveness::Heartbeat);
     let mut mission = Mission::new(relay(), None);

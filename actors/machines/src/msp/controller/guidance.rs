@@ -414,7 +414,7 @@ mod tests {
     }
 
     #[test]
-    fn vehicle_that_is_told_to_stop_comes_to_rest_where_it_said() {
+    fn vehicle_with_a_command_to_stop_comes_to_rest_where_it_said() {
         let (mut guidance, mut estimate) = begun(leg(50.0));
         references(&mut guidance, 0..4, &mut estimate);
         let said = guidance.stop(at(4_000), &estimate);

@@ -247,7 +247,7 @@ fn up() -> FlightCommand {
 }
 
 #[test]
-fn vehicle_arms_and_climbs_when_it_is_told_to() {
+fn vehicle_arms_and_climbs_on_command() {
     let mut bench = Bench::ready(Receiver::Sole);
     bench.pass(1_000, 0);
     assert!(!bench.is_arm_high(), "it was not told to arm");

@@ -192,7 +192,7 @@ fn drone_that_lands_beyond_its_fence_goes_on_landing() {
 }
 
 #[test]
-fn vehicle_that_was_ordered_to_arm_is_told_to_land_before_it_arms() {
+fn vehicle_with_an_order_to_arm_is_commanded_to_land_before_it_arms() {
     let take_off = arming_take_off();
     let mut navigation = Navigation::new(NodeId(0), CONFIG, None);
     handle(&mut navigation, Input::Goal(take_off));

@@ -153,7 +153,7 @@ impl Bench {
 }
 
 /// Where nobody listens.
-const NOBODY: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 1);
+const NO_PEER: SocketAddr = SocketAddr::new(IpAddr::V4(Ipv4Addr::LOCALHOST), 1);
 
 /// Answers as drones do.
 fn answer(in_flight: Arc<AtomicBool>) -> SocketAddr {
@@ -312,7 +312,7 @@ fn nothing_is_tried_or_taken_back_while_a_drone_is_in_flight() {
 #[test]
 fn drone_in_flight_that_does_not_answer_is_not_killed() {
     let mut bench = Bench::with_good(&[0]);
-    bench.address = NOBODY;
+    bench.address = NO_PEER;
     bench.install("b", &[0]);
     bench.host.disk.reach(&Goal::Try("b".to_owned())).unwrap();
     fly(
@@ -335,7 +335,7 @@ fn drone_in_flight_that_does_not_answer_is_not_killed() {
 fn first_slot_is_not_tried_while_a_drone_started_by_hand_may_be_in_flight() {
     let mut bench = Bench::empty();
     let answering = bench.address;
-    bench.address = NOBODY;
+    bench.address = NO_PEER;
     bench.install("a", &[0]);
     // The test's own program, and none: systemd starts it again.
     for process in [std::process::id(), 0] {
@@ -367,7 +367,7 @@ fn first_slot_is_tried_once_the_drone_started_by_hand_has_ended() {
 #[test]
 fn slot_with_another_drone_is_not_tried_while_that_one_runs_by_hand() {
     let mut bench = Bench::with_good(&[0]);
-    bench.address = NOBODY;
+    bench.address = NO_PEER;
     bench.install("b", &[0, 1]);
     bench.set_running(1, std::process::id());
     bench.assert_refuses("b", 1);
@@ -376,7 +376,7 @@ fn slot_with_another_drone_is_not_tried_while_that_one_runs_by_hand() {
 #[test]
 fn silent_drone_of_a_slot_is_judged_by_its_journal_and_another_is_not_killed() {
     let mut bench = Bench::with_good(&[0]);
-    bench.address = NOBODY;
+    bench.address = NO_PEER;
     bench.install("b", &[0]);
     let slot = bench.host.disk.slot("b");
     fly(&slot.join("config"), 0, State::Finished);

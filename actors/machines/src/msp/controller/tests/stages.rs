@@ -80,7 +80,7 @@ fn a_tether_stops_a_mission_at_its_edge_also_after_a_restart() {
 }
 
 #[test]
-fn vehicle_that_is_told_to_fly_before_its_place_is_known_is_tethered_where_it_is_found() {
+fn vehicle_commanded_to_fly_before_its_position_is_known_is_tethered_where_it_is_found() {
     let config = staged(Stage::Tethered, Receiver::Override);
     let mut bench = Bench::new(config, None);
     bench.give(Input::Port(granted(*b"S405", Stage::Tethered)));

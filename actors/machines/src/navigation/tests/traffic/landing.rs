@@ -84,7 +84,7 @@ fn drone_does_not_land_beside_traffic_that_passes_below() {
 }
 
 #[test]
-fn drone_to_land_below_one_that_comes_down_flies_aside_first() {
+fn drone_to_land_below_one_that_comes_down_sidesteps_first() {
     let mut navigation = avoiding();
     let above = descent(Ned::new(0.0, 1.0, -40.0));
     handle(&mut navigation, heard(Timestamp::ZERO, 2, above));
@@ -143,7 +143,7 @@ fn drone_that_loses_its_position_on_its_way_to_land_announces_its_descent_until_
 }
 
 #[test]
-fn drone_with_critical_battery_waits_until_those_below_could_fly_aside_and_flies_nowhere() {
+fn drone_with_critical_battery_waits_until_those_below_could_sidestep_and_stays() {
     let mut navigation = waiting_to_land();
     let Input::Telemetry(charged) = at_rest_at(LANDING) else {
         panic!("it is telemetry");

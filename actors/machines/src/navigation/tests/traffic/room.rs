@@ -26,7 +26,7 @@ fn announces_descent(from: Ned) -> Input {
 }
 
 #[test]
-fn drone_below_one_that_lands_flies_aside_and_back() {
+fn drone_below_one_that_lands_sidesteps_and_returns() {
     let mut navigation = standing();
     assert_eq!(handle(&mut navigation, announces_descent(ABOVE)), [REPORT]);
     let output = handle(&mut navigation, at_rest_at(HERE));
@@ -45,7 +45,7 @@ fn drone_below_one_that_lands_flies_aside_and_back() {
 }
 
 #[test]
-fn drone_below_one_that_falls_silent_flies_aside() {
+fn drone_below_one_that_falls_silent_sidesteps() {
     let mut navigation = standing();
     let mut now = Timestamp::ZERO;
     // Farther away, so that silence is no matter of distance.
@@ -84,7 +84,7 @@ fn drone_stays_below_one_that_only_stands() {
 }
 
 #[test]
-fn drone_on_the_ground_does_not_fly_aside() {
+fn drone_on_the_ground_does_not_sidestep() {
     let mut navigation = avoiding();
     let ground = HERE.at_altitude(0.0);
     handle(&mut navigation, Input::Goal(fly_to(HERE)));
@@ -92,11 +92,11 @@ fn drone_on_the_ground_does_not_fly_aside() {
     handle(&mut navigation, at_rest_at(ground));
     handle(&mut navigation, announces_descent(ABOVE));
     let output = handle(&mut navigation, at_rest_at(ground));
-    let flies_aside = |it: &Transmit| match it {
+    let sidesteps = |it: &Transmit| match it {
         Transmit::FlightCommand(FlightCommand::Fly(Setpoint::Leg { to, .. })) => {
             to.horizontal_distance_m(ground) > 1.0
         }
         _ => false,
     };
-    assert!(!output.iter().any(flies_aside), "{output:?}");
+    assert!(!output.iter().any(sidesteps), "{output:?}");
 }

@@ -38,16 +38,16 @@ fn drones_that_have_left_send_messages_over_several_hops_and_little_else() {
 }
 
 #[test]
-fn drone_that_has_left_follows_nobody_and_tells_its_protocol_of_messages_only() {
+fn drone_that_has_left_follows_no_leader_and_hands_its_protocol_messages_only() {
     let mut net = line(7);
     leave(&mut net, [3]);
-    let told = net.nodes[3].notices;
+    let notices = net.nodes[3].notices;
     net.input(2, Input::Lead(leader(9, 2)));
     net.input(3, Input::Lead(leader(10, 3)));
     net.input(3, Input::TopologyChanges);
     net.input(3, Input::Resync);
     net.run(LONG);
-    assert_eq!(net.nodes[3].notices, told);
+    assert_eq!(net.nodes[3].notices, notices);
     net.submit(
         2,
         1,

@@ -311,7 +311,7 @@ impl Child {
 }
 
 #[test]
-fn drone_whose_neighbours_lost_their_routes_too_waits_one_heartbeat_and_does_not_ask() {
+fn drone_waits_one_heartbeat_and_does_not_ask_if_its_neighbours_lost_their_routes_too() {
     let mut child = Child::new(1);
     child.near.receive(3, Tree::default());
     let took = config().route_timeout + config().heartbeat_period;

@@ -186,8 +186,8 @@ fn unicasts_and_restarts_are_no_losses() {
     let loss = |frames: Vec<(u32, u32)>| quality(frames).loss().to_bits();
     let none = 0.0_f64.to_bits();
     assert_eq!(loss(heard(1..60).collect()), none);
-    let with_asides = heard(1..60).chain([(59, 3), (59, 7)]).chain(heard(60..70));
-    assert_eq!(loss(with_asides.collect()), none);
+    let with_unicasts = heard(1..60).chain([(59, 3), (59, 7)]).chain(heard(60..70));
+    assert_eq!(loss(with_unicasts.collect()), none);
     let restarted = heard(1..60).chain(heard(59 + RESTART_GAP + 1..200));
     assert_eq!(loss(restarted.collect()), none);
     // A missed broadcast is a loss, whichever frame follows.
