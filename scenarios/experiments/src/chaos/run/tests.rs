@@ -138,7 +138,7 @@ fn drones_too_close_in_an_accepted_exposure_do_not_end_a_search() {
     assert_eq!(refusing.accepted, []);
     assert_eq!(refusing.broken[0].rule, 4);
     // Here neither of the two comes down.
-    let apart = searched("248477..248478", "limits.altitude_max_m=80", false);
+    let apart = searched("308855..308856", "limits.altitude_max_m=80", false);
     assert_eq!(apart.accepted[0].exposures, ["apart"]);
     // Here both fly alone, in the only layer above the others, on different legs.
     let accept = "limits.accept=[\"late\", \"apart\", \"descends\", \"killed\"]";
