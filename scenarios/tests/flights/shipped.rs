@@ -258,7 +258,7 @@ fn check_warns_of_drones_that_are_out_of_reach_on_the_way() {
     let overrides: Vec<Override> = far.iter().map(|it| it.parse().unwrap()).collect();
     let refused = load(&shipped("mesh-in-waves.toml"), &overrides).unwrap_err();
     let warned =
-        "can't reach the master for 35 s while those of wave 3 cross for change 0 of formation";
+        "can't reach the master for 45 s while those of wave 2 cross for change 0 of formation";
     let message = refused.to_string();
     assert!(
         message.contains(warned) && message.contains("out-of-reach"),
