@@ -1,4 +1,4 @@
-//! Closest approaches of drones in each phase: all in lockstep, or one of them out of lockstep.
+//! Closest approaches of drones in each phase: all in lockstep, one of them out of it, or two that share layers.
 
 use std::collections::{BTreeMap, BTreeSet};
 
