@@ -1,20 +1,22 @@
-//! Closest approaches of drones in each phase: all in lockstep, one of them out of it, or two that share layers.
+//! Closest approaches of drones in each phase: all in lockstep, one of two out of it, or both.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::phases::{Phase, PhaseKind};
 use super::tube::Bounds;
-use super::{Clearance, FlightPlan, Layering, Path, Separation, Tube};
+use super::{Clearance, FlightPlan, Path, Separation, Tube};
 use crate::identity::NodeId;
 
-/// Behaviour of one drone that is out of lockstep with the others.
+/// How a drone, or two, may be out of lockstep with the others.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Exposure {
     /// It stops anywhere on its paths for a while and then continues: a process that hangs or restarts.
     Late,
-    /// It flies to its own altitude layer and continues in it: cut off, or restarted. Drones that share layers may meet others
-    /// out of lockstep there, on whichever leg those are.
+    /// It flies to its own altitude layer and continues in it: cut off, or restarted. The other is in lockstep, in the same
+    /// phase.
     Apart,
+    /// Both fly as [`Self::Apart`], in whichever phases: an election, or a swarm in parts.
+    BothApart,
     /// It lands on the spot and announces it: critical battery or lost position. The others continue.
     Descends,
     /// Its process dies: the flight controller hovers, then lands on the spot. The others wait until the link timeout,
@@ -24,7 +26,13 @@ pub enum Exposure {
 
 impl Exposure {
     /// All exposures, in the order of reports.
-    pub const ALL: [Self; 4] = [Self::Late, Self::Apart, Self::Descends, Self::Killed];
+    pub const ALL: [Self; 5] = [
+        Self::Late,
+        Self::Apart,
+        Self::BothApart,
+        Self::Descends,
+        Self::Killed,
+    ];
 
     /// Name in files and reports.
     #[must_use]
@@ -32,6 +40,7 @@ impl Exposure {
         match self {
             Self::Late => "late",
             Self::Apart => "apart",
+            Self::BothApart => "both-apart",
             Self::Descends => "descends",
             Self::Killed => "killed",
         }
@@ -103,17 +112,20 @@ impl FlightPlan<'_> {
     }
 
     /// Closest approaches of one affected drone and others in lockstep, for each phase and exposure. The exposure
-    /// happens in that phase, or earlier if the drone is still descending. Of two out of lockstep in shared layers, one is in
-    /// that phase and the other in that or an earlier one, both at their altitudes.
+    /// happens in that phase, or earlier if the drone is still descending. Of two drones apart, one is in that phase and the
+    /// other in that or an earlier one; both are affected.
     pub fn exposures(self) -> impl Iterator<Item = Vec<(Exposure, Proximity)>> {
         let separation = self.layout.separation();
         let landing_places = self.landing_places_alone();
         let mut still_descending: Vec<(NodeId, Tube)> = Vec::new();
-        let mut levels_so_far = TubesSoFar::default();
+        let mut apart_so_far = TubesSoFar::default();
         self.phases().map(move |phase| {
             let in_lockstep: Vec<(NodeId, Tube)> =
                 tubes(&phase).map(|(id, path)| (id, path.into())).collect();
             let alone = self.tubes_alone(&phase, &landing_places);
+            let mut apart = alone.clone();
+            apart.extend(self.landings_elsewhere(&phase));
+            let newly_apart = apart_so_far.add(&apart);
             let descending = in_lockstep
                 .iter()
                 .map(|(id, tube)| (*id, tube.extended_to(0.0)));
@@ -135,16 +147,13 @@ impl FlightPlan<'_> {
             // The descent may have begun before this phase: steps of a change take less time than a descent.
             let earlier = std::mem::take(&mut still_descending);
             let all_descending: Vec<_> = earlier.iter().chain(&descending).copied().collect();
-            let new_levels = match self.layout.layering() {
-                Layering::Shared => levels_so_far.add(upper_paths(&alone)),
-                Layering::PerDrone => Vec::new(),
-            };
             let found = Exposure::ALL.map(|exposure| {
                 let nearness = match exposure {
                     Exposure::Late => between(&in_lockstep, &in_lockstep),
-                    Exposure::Apart => between(&alone, &in_lockstep)
-                        .merge(between(&self.landings_elsewhere(&phase), &in_lockstep))
-                        .merge(between(&new_levels, &levels_so_far.tubes)),
+                    Exposure::Apart => between(&apart, &in_lockstep),
+                    Exposure::BothApart => {
+                        between(&newly_apart, &apart_so_far.tubes).with_both_affected()
+                    }
                     Exposure::Descends => between(&all_descending, &in_lockstep),
                     Exposure::Killed => {
                         between(&descending, &in_lockstep).merge(between(&all_descending, &alone))
@@ -175,34 +184,35 @@ impl Proximity {
         self.conflicts.extend(other.conflicts);
         self
     }
+
+    /// The same, with each drone of a pair as the affected one.
+    fn with_both_affected(mut self) -> Self {
+        let reversed = self.conflicts.iter().map(|[one, other]| [*other, *one]);
+        self.conflicts = reversed.chain(self.conflicts.iter().copied()).collect();
+        self
+    }
 }
 
-/// What drones out of lockstep fly at their altitudes.
-fn upper_paths(alone: &[(NodeId, Tube)]) -> impl Iterator<Item = (NodeId, Tube)> + '_ {
-    alone.iter().map(|(id, tube)| (*id, tube.upper().into()))
-}
-
-/// Tubes of all phases so far, each once.
+/// Tubes of all phases so far, each once for a drone.
 #[derive(Default)]
 struct TubesSoFar {
     tubes: Vec<(NodeId, Tube)>,
-    /// Those of each drone.
-    of: BTreeMap<NodeId, Vec<Tube>>,
+    /// Places in `tubes` of those of each drone.
+    places: BTreeMap<NodeId, Vec<usize>>,
 }
 
 impl TubesSoFar {
     /// Adds tubes, and returns those that were new.
-    fn add(&mut self, tubes: impl Iterator<Item = (NodeId, Tube)>) -> Vec<(NodeId, Tube)> {
-        let mut new = Vec::new();
-        for (id, tube) in tubes {
-            let known = self.of.entry(id).or_default();
-            if !known.contains(&tube) {
-                known.push(tube);
-                new.push((id, tube));
+    fn add(&mut self, tubes: &[(NodeId, Tube)]) -> Vec<(NodeId, Tube)> {
+        let first = self.tubes.len();
+        for &(id, tube) in tubes {
+            let places = self.places.entry(id).or_default();
+            if places.iter().all(|place| self.tubes[*place].1 != tube) {
+                places.push(self.tubes.len());
+                self.tubes.push((id, tube));
             }
         }
-        self.tubes.extend_from_slice(&new);
-        new
+        self.tubes[first..].to_vec()
     }
 }
 

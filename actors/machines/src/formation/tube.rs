@@ -50,11 +50,6 @@ impl Tube {
         }
     }
 
-    /// The upper bound.
-    pub(super) const fn upper(self) -> Path {
-        self.upper
-    }
-
     /// Whether two drones, each anywhere in its tube, may violate the separation: over ground and in height at once.
     #[must_use]
     pub fn violates(self, other: Self, separation: Separation) -> bool {

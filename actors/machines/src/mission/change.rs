@@ -57,15 +57,6 @@ impl Mission {
         self.durable.lockstep.in_layer && self.layout().layering() == Layering::PerDrone
     }
 
-    /// Flies in its own altitude layer from now on. Returns whether it did not before.
-    pub(super) fn enter_layer(&mut self) -> bool {
-        let is_new = !std::mem::replace(&mut self.durable.lockstep.in_layer, true);
-        if is_new {
-            self.outbox.event(Event::LeftLockstep);
-        }
-        is_new
-    }
-
     /// As master: orders a step and starts it.
     pub(super) fn order_step(&mut self, now: Timestamp, change: u16, (step, wave): (Step, u16)) {
         let apart = self.leave_lockstep_if_strays();
@@ -92,7 +83,7 @@ impl Mission {
         self.durable.progress.wave = (step == Step::Cross).then_some(wave);
         self.enter(State::ChangingFormation { change, step });
         if self.is_elected_epoch() {
-            self.enter_layer();
+            self.durable.lockstep.in_layer = true;
         }
         self.durable.lockstep.climbs = false;
         self.outbox.transmit(Transmit::TopologyChanges);

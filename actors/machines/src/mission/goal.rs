@@ -62,6 +62,33 @@ impl Mission {
         })
     }
 
+    /// Whether a goal leads the drone out of lockstep with the others: to its own altitude.
+    pub(super) fn is_out_of_lockstep(&self, goal: Goal) -> bool {
+        match goal {
+            Goal::TransitTo { .. } => {
+                self.durable.state != State::MovingToLand
+                    || !self.lands_in_lockstep() && !self.lands_below_others()
+            }
+            Goal::Track { .. } => self.durable.lockstep.in_layer,
+            _ => false,
+        }
+    }
+
+    /// Whether the drone lands by itself, below the paths of the others.
+    fn lands_below_others(&self) -> bool {
+        self.durable.landing.reason.is_some() && !self.flies_in_own_layer()
+    }
+
+    /// Whether the drone lands around the centre from which all do, in lockstep with them.
+    fn lands_in_lockstep(&self) -> bool {
+        let at = self.durable.landing.at;
+        let ends = [
+            self.durable.plan.waypoints.last().copied(),
+            self.durable.landing.assembled_at,
+        ];
+        ends.contains(&Some(at)) && !self.durable.lockstep.in_layer
+    }
+
     /// The drone's slot around a centre: in its own layer if it is not in lockstep. In lockstep its hold altitude is the
     /// layer above `below`.
     fn goal_at_slot(&self, centre: Ned, below: Ned) -> Goal {
@@ -82,7 +109,7 @@ impl Mission {
     }
 
     fn moving_to_land_goal(&self) -> Option<Goal> {
-        if self.durable.landing.reason.is_some() && !self.flies_in_own_layer() {
+        if self.lands_below_others() {
             return self.separate_landing_goal();
         }
         let (id, layout, at) = (self.config.id, self.layout(), self.durable.landing.at);
@@ -101,13 +128,9 @@ impl Mission {
     /// landing layer; otherwise its own layer.
     fn landing_altitude_m(&self) -> f64 {
         let at = self.durable.landing.at;
-        let ends = [
-            self.durable.plan.waypoints.last().copied(),
-            self.durable.landing.assembled_at,
-        ];
         if flaw::has(Flaw::FliesToLandingInOneLayer) {
             at.altitude_m()
-        } else if ends.contains(&Some(at)) && !self.durable.lockstep.in_layer {
+        } else if self.lands_in_lockstep() {
             at.altitude_m() + self.layout().landing_layers_m()[self.config.id.0 as usize]
         } else {
             self.altitude_alone_m(at)

@@ -128,7 +128,7 @@ pub enum Event {
     },
     /// As master: does not wait for this member any more.
     LeftOut(NodeId),
-    /// The drone flies in its own altitude layer from now on, as some drones may not be in lockstep with it.
+    /// The drone was given its first goal out of lockstep with the others since it started.
     LeftLockstep,
     /// The drone lands, or stays on the ground.
     Landing(LandingReason),

@@ -61,6 +61,8 @@ pub struct Mission {
     drones_on_task: NodeSet,
     /// The goal that the navigation was given last.
     given_goal: Option<Goal>,
+    /// Whether it was given a goal out of lockstep since it started.
+    is_apart: bool,
     outbox: Outbox<Transmit, Event>,
 }
 
@@ -76,6 +78,7 @@ impl Mission {
             stall_detector: StallDetector::default(),
             drones_on_task: NodeSet::default(),
             given_goal: None,
+            is_apart: false,
             outbox: Outbox::new(),
         };
         if let Some(checkpoint) = checkpoint {
@@ -161,6 +164,10 @@ impl Mission {
     }
 
     fn give_goal(&mut self, goal: Goal) {
+        if !self.is_apart && self.is_out_of_lockstep(goal) {
+            self.is_apart = true;
+            self.outbox.event(Event::LeftLockstep);
+        }
         self.given_goal = Some(goal);
         self.outbox.transmit(Transmit::Goal(goal));
     }
@@ -209,7 +216,7 @@ impl Mission {
     /// Flies in its own altitude layer from now on. The links to the others may change by that. At a waypoint it climbs
     /// above its slot; on a leg it does so at the end.
     pub(super) fn leave_lockstep(&mut self) {
-        if self.enter_layer() {
+        if !std::mem::replace(&mut self.durable.lockstep.in_layer, true) {
             self.durable.lockstep.climbs = self.is_at_waypoint()
                 || matches!(self.durable.state, State::MovingToWaypoint { .. });
             self.climb_if_at_waypoint();

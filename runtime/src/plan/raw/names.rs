@@ -229,6 +229,8 @@ pub enum ExposureName {
     Late,
     /// A drone is cut off and flies in its own layer.
     Apart,
+    /// Two drones are cut off, and each flies in its own layer.
+    BothApart,
     /// A drone comes down on the spot.
     Descends,
     /// A drone's computer dies; its flight controller brings it down.
@@ -242,6 +244,7 @@ impl From<Exposure> for ExposureName {
         match exposure {
             Exposure::Late => Self::Late,
             Exposure::Apart => Self::Apart,
+            Exposure::BothApart => Self::BothApart,
             Exposure::Descends => Self::Descends,
             Exposure::Killed => Self::Killed,
         }

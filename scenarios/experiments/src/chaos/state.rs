@@ -68,7 +68,7 @@ impl Tally {
 }
 
 /// The exposures listed in `limits.accept` of two drones that came too close, if that is the violation. Those in which one comes
-/// down count only if one does, and `apart` only if one has left lockstep or follows its master.
+/// down count only if one does; `apart` only if one has left lockstep or follows its master, `both-apart` only if both do.
 pub(super) fn accepted_exposures(
     scenario: &Scenario,
     outcome: &Outcome,
@@ -82,13 +82,13 @@ pub(super) fn accepted_exposures(
     }
     let drones = [one, other].map(NodeId);
     let mut exposures = scenario.accepted_exposures(drones);
-    let (comes_down, is_apart) = (
-        drones.iter().any(|it| outcome.came_down(*it)),
-        scenario.plan.follow.is_some() || drones.iter().any(|it| outcome.left_lockstep(*it)),
-    );
+    let comes_down = drones.iter().any(|it| outcome.came_down(*it));
+    let follows = scenario.plan.follow.is_some();
+    let apart = drones.map(|it| follows || outcome.left_lockstep(it));
     exposures.retain(|it| match it {
         Exposure::Late => true,
-        Exposure::Apart => is_apart,
+        Exposure::Apart => apart.contains(&true),
+        Exposure::BothApart => apart == [true; 2],
         Exposure::Descends | Exposure::Killed => comes_down,
     });
     exposures

@@ -59,7 +59,7 @@ fn search_finds_every_flaw_of_the_altitude_layers() {
     ];
     // Lossless links: with losses some plans need deconfliction. No exposures are accepted, which these flaws would hide in.
     let lossless = [
-        "limits={ altitude_max_m = 80 }",
+        "limits={ altitude_max_m = 80, separation_vertical_m = 0.6 }",
         "safety.avoid=false",
         "protocol.kind=muscop",
         "formation.spacing_m=60",

@@ -46,7 +46,7 @@ pub(crate) enum Incident {
     Follows(Ballot),
     /// It leaves the swarm, to follow nobody.
     Leaves,
-    /// It flies in its own altitude layer from now on.
+    /// It flies out of lockstep, to its own altitude layer.
     LeavesLockstep,
     /// It goes to land.
     Lands(LandingReason),

@@ -127,3 +127,62 @@ fn elected_master_does_not_wait_for_the_one_that_it_replaced() {
     let transmits = notify(&mut master, 64.0, replaced);
     assert_eq!(orders(&transmits), [move_apart(2)]);
 }
+
+/// Whether a drone leaves lockstep by this.
+fn leaves(mission: &mut Mission, at_s: f64, input: Input) -> bool {
+    let (_, events) = stimulate(mission, at_s, Stimulus::Input(input));
+    events.contains(&Event::LeftLockstep)
+}
+
+fn ordered(sequence: u32, order: &Order) -> Input {
+    Input::Routing(RoutingNotice::Order {
+        ballot: INITIAL_BALLOT,
+        sequence,
+        order: wire::encode_order(order).into(),
+    })
+}
+
+#[test]
+fn drone_has_left_lockstep_once_it_flies_so_and_not_when_it_is_told_to() {
+    let mut on_leg = member_on_first_leg();
+    assert!(!leaves(&mut on_leg, 50.0, ordered(5, &move_apart(1))));
+    let leg = on_leg.given_goal.unwrap();
+    let arrived = Input::Navigation(NavigationNotice::Arrived(leg));
+    assert!(leaves(&mut on_leg, 60.0, arrived));
+    assert!(
+        !leaves(&mut on_leg, 70.0, ordered(6, &move_apart(2))),
+        "once"
+    );
+}
+
+#[test]
+fn drone_that_lands_leaves_no_lockstep() {
+    let mut lands = member_on_first_leg();
+    send(&mut lands, 50.0, Input::GiveUp);
+    assert_eq!(lands.durable.state, State::Landing);
+    assert!(!leaves(&mut lands, 60.0, ordered(5, &move_apart(2))));
+}
+
+#[test]
+fn part_that_lands_around_an_earlier_waypoint_leaves_lockstep() {
+    let land = |at: usize| {
+        let at = waypoints()[at];
+        let (changes, wave) = (0, 0);
+        ordered(
+            5,
+            &Order::Land {
+                at,
+                changes,
+                wave,
+                apart: false,
+            },
+        )
+    };
+    let mut last = member_on_first_leg();
+    arrive(&mut last, 60.0);
+    assert!(!leaves(&mut last, 70.0, land(2)));
+    let mut earlier = member_on_first_leg();
+    arrive(&mut earlier, 60.0);
+    assert!(leaves(&mut earlier, 70.0, land(1)));
+    assert_eq!(earlier.durable.state, State::MovingToLand);
+}

@@ -40,6 +40,8 @@ pub(crate) struct Tally {
     pub(crate) lockstep_tight: usize,
     /// Predicted conflicts of a drone out of lockstep that occurred.
     pub(crate) conflicts: usize,
+    /// Predicted conflicts of two drones out of lockstep that occurred.
+    pub(crate) both_apart: usize,
     /// Approaches closer than predicted.
     pub(crate) violations: Vec<String>,
 }
@@ -52,6 +54,7 @@ impl Tally {
         self.samples += other.samples;
         self.lockstep_tight += other.lockstep_tight;
         self.conflicts += other.conflicts;
+        self.both_apart += other.both_apart;
         self.violations.extend(other.violations.iter().cloned());
     }
 }
@@ -61,12 +64,13 @@ impl fmt::Display for Tally {
         write!(
             f,
             "{} plans, {} phases, {} sampled pairs; {} phases with a closest approach in lockstep within 20 % of the \
-             prediction; {} predicted conflicts out of lockstep occurred; {} predictions violated",
+             prediction; {} predicted conflicts of one drone out of lockstep occurred, {} of two; {} predictions violated",
             self.plans,
             self.phases,
             self.samples,
             self.lockstep_tight,
             self.conflicts,
+            self.both_apart,
             self.violations.len(),
         )
     }
@@ -91,8 +95,13 @@ pub(crate) fn compare(seed: u64) -> Tally {
         compared.tally.phases += 1;
         compared.in_lockstep(&mut rng, exposed);
         let id = NodeId(rng.random_range(0..drawn.drones()));
+        let of = (&phases[..], &exposures[..], index);
         for exposure in Exposure::ALL {
-            compared.out_of_lockstep(&mut rng, plan, (&phases, &exposures, index), id, exposure);
+            if exposure == Exposure::BothApart {
+                compared.both_apart(&mut rng, plan, of, id);
+            } else {
+                compared.out_of_lockstep(&mut rng, plan, of, id, exposure);
+            }
         }
     }
     compared.tally
@@ -180,6 +189,45 @@ impl Comparison {
                 others_motions(rng, next)
             };
             affected.advance(until_s);
+        }
+    }
+
+    /// Compares two drones out of lockstep, one of them in this or an earlier phase.
+    fn both_apart(
+        &mut self,
+        rng: &mut ChaCha8Rng,
+        plan: FlightPlan<'_>,
+        (phases, exposures, index): (&[PhaseSeparation], &[Exposures], usize),
+        id: NodeId,
+    ) {
+        let drones = plan.layout.formation().drones();
+        let other = NodeId((id.0 + rng.random_range(1..drones)) % drones);
+        let earlier = rng.random_range(0..=index);
+        let mut motion = |id: NodeId, phase: usize| {
+            motion::out_of_lockstep(rng, plan, &phases[phase].phase, id, Exposure::BothApart)
+        };
+        let motions = [motion(id, index), motion(other, earlier)];
+        let nearest = times(&motions).map(|time_s| {
+            let [one, other] = [0, 1].map(|it| motions[it].at(time_s));
+            self.room(one, other)
+        });
+        let nearest = nearest.fold(f64::INFINITY, f64::min);
+        self.tally.samples += times(&motions).count();
+        let until_now = exposures[..=index].iter();
+        let until_now: Vec<&Proximity> = until_now
+            .map(|of| &of[Exposure::BothApart as usize].1)
+            .collect();
+        let predicted = until_now.iter().copied().map(predicted);
+        let predicted = predicted.fold(f64::INFINITY, f64::min);
+        let is_conflict = nearest < 1.0 - ROUNDING;
+        let pair = [id, other];
+        let is_predicted = until_now.iter().any(|it| it.conflicts.contains(&pair));
+        self.tally.both_apart += usize::from(is_conflict);
+        if nearest < predicted - ROUNDING || is_conflict && !is_predicted {
+            let (seed, kind) = (self.seed, phases[index].phase.kind);
+            self.tally.violations.push(format!(
+                "seed {seed}, {kind:?}, {pair:?} both apart: {nearest}, predicted {predicted}"
+            ));
         }
     }
 

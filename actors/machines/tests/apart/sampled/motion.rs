@@ -108,7 +108,7 @@ pub(super) fn corners(paths: &[Path]) -> Vec<Ned> {
     std::iter::once(paths[0].from).chain(ends).collect()
 }
 
-/// Motion of a drone out of lockstep in a phase.
+/// Motion of a drone out of lockstep in a phase: with `BothApart` from when it has left it, otherwise from the start.
 pub(super) fn out_of_lockstep(
     rng: &mut ChaCha8Rng,
     plan: FlightPlan<'_>,
@@ -125,23 +125,28 @@ pub(super) fn out_of_lockstep(
         Exposure::Late => own,
         Exposure::Descends => own.then(when_s, 0.0, &[here.at_altitude(0.0)], speed_mps),
         Exposure::Killed => own.then(when_s, 5.0, &[here.at_altitude(0.0)], speed_mps),
-        // During take-off and landing it falls out of lockstep in its slot.
-        Exposure::Apart
-            if matches!(
-                phase.kind,
-                PhaseKind::TakeOff { .. } | PhaseKind::Land { .. }
-            ) =>
-        {
-            let slot = match phase.kind {
-                PhaseKind::Land { .. } => paths[0].from,
-                _ => phase.end(id),
-            };
-            Motion::new(&alone(plan, slot, phase, id), Pace::draw(rng))
+        Exposure::Apart => match slot_near_ground(phase, id) {
+            Some(slot) => Motion::new(&alone(plan, slot, phase, id), Pace::draw(rng)),
+            None => own.then(
+                when_s,
+                0.0,
+                &alone(plan, here, phase, id)[1..],
+                3.0 * speed_mps,
+            ),
+        },
+        Exposure::BothApart => {
+            let from = slot_near_ground(phase, id).unwrap_or(here);
+            Motion::new(&alone(plan, from, phase, id), Pace::draw(rng))
         }
-        Exposure::Apart => {
-            let corners = alone(plan, here, phase, id);
-            own.then(when_s, 0.0, &corners[1..], 3.0 * speed_mps)
-        }
+    }
+}
+
+/// The slot in which a drone falls out of lockstep while all take off or land. `None` in other phases.
+fn slot_near_ground(phase: &Phase, id: NodeId) -> Option<Ned> {
+    match phase.kind {
+        PhaseKind::TakeOff { .. } => Some(phase.end(id)),
+        PhaseKind::Land { .. } => Some(phase.paths[id.0 as usize][0].from),
+        _ => None,
     }
 }
 

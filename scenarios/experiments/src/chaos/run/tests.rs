@@ -137,14 +137,17 @@ fn drones_too_close_in_an_accepted_exposure_do_not_end_a_search() {
     let refusing = searched(seeds, "limits={ altitude_max_m = 80 }", true);
     assert_eq!(refusing.accepted, []);
     assert_eq!(refusing.broken[0].rule, 4);
-    // Here neither of the two comes down.
+    // One waits on a leg in lockstep, and another flies through it. They are exposed to `apart`, too, but neither flies alone.
+    let late = searched("322156..322157", "limits.altitude_max_m=80", false);
+    assert_eq!(late.accepted[0].exposures, ["late"]);
+    // Neither of the two comes down, and both fly alone.
     let apart = searched("308855..308856", "limits.altitude_max_m=80", false);
-    assert_eq!(apart.accepted[0].exposures, ["apart"]);
-    // Here both fly alone, in the only layer above the others, on different legs.
-    let accept = "limits.accept=[\"late\", \"apart\", \"descends\", \"killed\"]";
+    assert_eq!(apart.accepted[0].exposures, ["apart", "both-apart"]);
+    // In the only layer above the others, on different legs.
+    let accept = "limits.accept=[\"late\", \"apart\", \"both-apart\", \"descends\", \"killed\"]";
     let planted = "tests/data/planted.toml";
     let alone = searched_in(planted, "52954745..52954746", accept, false);
-    assert_eq!(alone.accepted[0].exposures, ["apart"]);
+    assert_eq!(alone.accepted[0].exposures, ["both-apart"]);
 }
 
 #[test]
