@@ -20,10 +20,10 @@ fn exposure_is_refused_unless_accepted_or_resolved_by_avoidance() {
         (code, error)
     };
     assert_eq!(
-        check("[\"late\", \"apart\", \"descends\", \"killed\"]", false).0,
+        check("[\"late\", \"apart\", \"both-apart\", \"descends\", \"killed\"]", false).0,
         Some(0)
     );
-    let (code, error) = check("[\"apart\", \"descends\", \"killed\"]", false);
+    let (code, error) = check("[\"apart\", \"both-apart\", \"descends\", \"killed\"]", false);
     assert_eq!(code, Some(2));
     contains(
         &error,
@@ -35,7 +35,7 @@ fn exposure_is_refused_unless_accepted_or_resolved_by_avoidance() {
     )
     .unwrap();
     assert_eq!(
-        check("[\"apart\", \"descends\", \"killed\"]", true).0,
+        check("[\"apart\", \"both-apart\", \"descends\", \"killed\"]", true).0,
         Some(0),
         "drones give way to a late one"
     );
@@ -49,7 +49,10 @@ fn exposure_is_refused_unless_accepted_or_resolved_by_avoidance() {
         ],
     )
     .unwrap();
-    let (code, error) = check("[\"apart\", \"descends\"]", true);
+    let (code, error) = check("[\"apart\", \"descends\", \"killed\"]", true);
+    assert_eq!(code, Some(2));
+    contains(&error, &["while another does", "\"both-apart\""]).unwrap();
+    let (code, error) = check("[\"apart\", \"both-apart\", \"descends\"]", true);
     assert_eq!(code, Some(2));
     contains(&error, &["landed by its flight controller", "\"killed\""]).unwrap();
 }
@@ -64,7 +67,7 @@ fn drones_that_follow_and_share_layers_are_exposed_to_apart() {
         let (code, [_, error]) = folder.muster(&["check", "scenario.toml"]);
         (code, error)
     };
-    let all_but_apart = "\"late\", \"descends\", \"killed\"";
+    let all_but_apart = "\"late\", \"both-apart\", \"descends\", \"killed\"";
     let (code, error) = check(30, all_but_apart);
     assert_eq!(code, Some(2));
     contains(
@@ -72,7 +75,7 @@ fn drones_that_follow_and_share_layers_are_exposed_to_apart() {
         &["off the lines", "add \"apart\" to `limits.accept`"],
     )
     .unwrap();
-    let (code, error) = check(30, "\"late\", \"apart\", \"descends\", \"killed\"");
+    let (code, error) = check(30, "\"late\", \"apart\", \"both-apart\", \"descends\", \"killed\"");
     assert_eq!(code, Some(0), "{error}");
     // With a layer for each drone.
     let (code, error) = check(100, all_but_apart);
@@ -98,7 +101,7 @@ fn drones_out_of_the_masters_reach_need_a_layer_each() {
         "`limits.altitude_max_m`",
     ];
     contains(&error, &says).unwrap();
-    let all = "accept = [\"late\", \"apart\", \"descends\", \"killed\", \"out-of-reach\"]";
+    let all = "accept = [\"late\", \"apart\", \"both-apart\", \"descends\", \"killed\", \"out-of-reach\"]";
     for (altitude_max_m, protocol, accept) in [
         (60, "", ""),
         (30, "succession = \"land\"", ""),

@@ -132,7 +132,7 @@ pub fn describe_exposure(exposure: Exposure) -> &'static str {
     match exposure {
         Exposure::Late => "is late",
         Exposure::Apart => "flies alone in its altitude layer",
-        Exposure::BothApart => "flies alone in its altitude layer, as the other does",
+        Exposure::BothApart => "flies alone in its altitude layer while another does",
         Exposure::Descends => "lands on the spot",
         Exposure::Killed => "is landed by its flight controller",
     }
