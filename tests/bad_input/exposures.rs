@@ -20,10 +20,17 @@ fn exposure_is_refused_unless_accepted_or_resolved_by_avoidance() {
         (code, error)
     };
     assert_eq!(
-        check("[\"late\", \"apart\", \"both-apart\", \"descends\", \"killed\"]", false).0,
+        check(
+            "[\"late\", \"apart\", \"both-apart\", \"descends\", \"killed\"]",
+            false
+        )
+        .0,
         Some(0)
     );
-    let (code, error) = check("[\"apart\", \"both-apart\", \"descends\", \"killed\"]", false);
+    let (code, error) = check(
+        "[\"apart\", \"both-apart\", \"descends\", \"killed\"]",
+        false,
+    );
     assert_eq!(code, Some(2));
     contains(
         &error,
@@ -35,7 +42,11 @@ fn exposure_is_refused_unless_accepted_or_resolved_by_avoidance() {
     )
     .unwrap();
     assert_eq!(
-        check("[\"apart\", \"both-apart\", \"descends\", \"killed\"]", true).0,
+        check(
+            "[\"apart\", \"both-apart\", \"descends\", \"killed\"]",
+            true
+        )
+        .0,
         Some(0),
         "drones give way to a late one"
     );
@@ -75,7 +86,10 @@ fn drones_that_follow_and_share_layers_are_exposed_to_apart() {
         &["off the lines", "add \"apart\" to `limits.accept`"],
     )
     .unwrap();
-    let (code, error) = check(30, "\"late\", \"apart\", \"both-apart\", \"descends\", \"killed\"");
+    let (code, error) = check(
+        30,
+        "\"late\", \"apart\", \"both-apart\", \"descends\", \"killed\"",
+    );
     assert_eq!(code, Some(0), "{error}");
     // With a layer for each drone.
     let (code, error) = check(100, all_but_apart);

@@ -82,11 +82,12 @@ pub(super) fn check_separation(
     };
     let [affected, other] = closest.drones;
     let message = format!(
-        "a drone that {} may come too close to another: drone {affected} comes within {} of drone {other} {}; add \"{}\" \
+        "a drone that {} may come too close to another: drone {affected} comes within {} of drone {other} {}{}; add \"{}\" \
          to `limits.accept`{avoid}",
         describe_exposure(exposure),
         describe_clearance(&closest),
         describe_phase(kind),
+        describe_other(exposure),
         exposure.name(),
     );
     Err(source.error(accepted.span(), &message))
@@ -135,6 +136,15 @@ pub fn describe_exposure(exposure: Exposure) -> &'static str {
         Exposure::BothApart => "flies alone in its altitude layer while another does",
         Exposure::Descends => "lands on the spot",
         Exposure::Killed => "is landed by its flight controller",
+    }
+}
+
+/// What follows the phase of a drone's exposure: which phase the other drone is in.
+#[must_use]
+pub const fn describe_other(exposure: Exposure) -> &'static str {
+    match exposure {
+        Exposure::BothApart => " or before",
+        Exposure::Late | Exposure::Apart | Exposure::Descends | Exposure::Killed => "",
     }
 }
 

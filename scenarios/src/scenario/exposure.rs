@@ -12,8 +12,8 @@ use muster_machines::mission::Succession;
 use super::Scenario;
 use crate::report::TABLE_STYLE;
 use muster_runtime::plan::separation::{
-    APART_OFF_THE_LINES, describe_clearance, describe_exposure, describe_phase, exposes_all_apart,
-    format_metres,
+    APART_OFF_THE_LINES, describe_clearance, describe_exposure, describe_other, describe_phase,
+    exposes_all_apart, format_metres,
 };
 use muster_runtime::text::{NO_VALUE, drones, plural};
 
@@ -206,7 +206,7 @@ impl Scenario {
         let (kind, nearest) = total.nearest?;
         let [affected, other] = nearest.drones;
         Some(format!(
-            "exposed to `{}` (a drone {}): {} of {} in {}; drone {affected} comes within {} of drone {other} {}{}",
+            "exposed to `{}` (a drone {}): {} of {} in {}; drone {affected} comes within {} of drone {other} {}{}{}",
             exposure.name(),
             describe_exposure(exposure),
             total.affected,
@@ -214,6 +214,7 @@ impl Scenario {
             plural(total.phases, "phase"),
             describe_clearance(&nearest),
             describe_phase(kind),
+            describe_other(exposure),
             self.describe_right_of_way(exposure),
         ))
     }
@@ -229,7 +230,7 @@ impl Scenario {
             } else {
                 "; resolved by `safety.avoid`"
             }
-        } else if exposure == Exposure::Apart && !follows {
+        } else if matches!(exposure, Exposure::Apart | Exposure::BothApart) && !follows {
             "; resolved by `safety.avoid` only while the two hear each other"
         } else {
             ""

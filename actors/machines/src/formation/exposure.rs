@@ -1,6 +1,8 @@
 //! Closest approaches of drones in each phase: all in lockstep, one of two out of it, or both.
 
-use std::collections::{BTreeMap, BTreeSet};
+mod both_apart;
+
+use std::collections::BTreeSet;
 
 use super::phases::{Phase, PhaseKind};
 use super::tube::Bounds;
@@ -111,21 +113,20 @@ impl FlightPlan<'_> {
         })
     }
 
-    /// Closest approaches of one affected drone and others in lockstep, for each phase and exposure. The exposure
-    /// happens in that phase, or earlier if the drone is still descending. Of two drones apart, one is in that phase and the
-    /// other in that or an earlier one; both are affected.
+    /// Closest approaches for each phase and exposure. One affected drone is compared with others in lockstep; its exposure
+    /// happens in that phase, or earlier if the drone is still descending. Of two drones apart, both affected, one is in that phase
+    /// and the other then or before; the closest approach is known for those that may violate the separation.
     pub fn exposures(self) -> impl Iterator<Item = Vec<(Exposure, Proximity)>> {
         let separation = self.layout.separation();
         let landing_places = self.landing_places_alone();
         let mut still_descending: Vec<(NodeId, Tube)> = Vec::new();
-        let mut apart_so_far = TubesSoFar::default();
+        let mut both_apart = self.both_apart(&landing_places).into_iter();
         self.phases().map(move |phase| {
             let in_lockstep: Vec<(NodeId, Tube)> =
                 tubes(&phase).map(|(id, path)| (id, path.into())).collect();
             let alone = self.tubes_alone(&phase, &landing_places);
             let mut apart = alone.clone();
             apart.extend(self.landings_elsewhere(&phase));
-            let newly_apart = apart_so_far.add(&apart);
             let descending = in_lockstep
                 .iter()
                 .map(|(id, tube)| (*id, tube.extended_to(0.0)));
@@ -151,9 +152,7 @@ impl FlightPlan<'_> {
                 let nearness = match exposure {
                     Exposure::Late => between(&in_lockstep, &in_lockstep),
                     Exposure::Apart => between(&apart, &in_lockstep),
-                    Exposure::BothApart => {
-                        between(&newly_apart, &apart_so_far.tubes).with_both_affected()
-                    }
+                    Exposure::BothApart => both_apart.next().expect("one for each phase"),
                     Exposure::Descends => between(&all_descending, &in_lockstep),
                     Exposure::Killed => {
                         between(&descending, &in_lockstep).merge(between(&all_descending, &alone))
@@ -183,36 +182,6 @@ impl Proximity {
         }
         self.conflicts.extend(other.conflicts);
         self
-    }
-
-    /// The same, with each drone of a pair as the affected one.
-    fn with_both_affected(mut self) -> Self {
-        let reversed = self.conflicts.iter().map(|[one, other]| [*other, *one]);
-        self.conflicts = reversed.chain(self.conflicts.iter().copied()).collect();
-        self
-    }
-}
-
-/// Tubes of all phases so far, each once for a drone.
-#[derive(Default)]
-struct TubesSoFar {
-    tubes: Vec<(NodeId, Tube)>,
-    /// Places in `tubes` of those of each drone.
-    places: BTreeMap<NodeId, Vec<usize>>,
-}
-
-impl TubesSoFar {
-    /// Adds tubes, and returns those that were new.
-    fn add(&mut self, tubes: &[(NodeId, Tube)]) -> Vec<(NodeId, Tube)> {
-        let first = self.tubes.len();
-        for &(id, tube) in tubes {
-            let places = self.places.entry(id).or_default();
-            if places.iter().all(|place| self.tubes[*place].1 != tube) {
-                places.push(self.tubes.len());
-                self.tubes.push((id, tube));
-            }
-        }
-        self.tubes[first..].to_vec()
     }
 }
 
@@ -281,8 +250,7 @@ impl Entry {
 /// entries that overlap along the axis of the widest spread, closer than the closest approach so far or than the
 /// separation.
 fn search(mut entries: Vec<Entry>, separation: Separation) -> (Proximity, BTreeSet<[NodeId; 2]>) {
-    let along = widest_axis(&entries);
-    entries.sort_by(|a, b| a.bounds.low[along].total_cmp(&b.bounds.low[along]));
+    let along = sort_along_widest_axis(&mut entries, |entry| &entry.bounds);
     let (mut found, mut time_separated) = (Proximity::default(), BTreeSet::new());
     let mut best = f64::INFINITY;
     for (position, one) in entries.iter().enumerate() {
@@ -315,16 +283,18 @@ fn search(mut entries: Vec<Entry>, separation: Separation) -> (Proximity, BTreeS
     (found, time_separated)
 }
 
-/// Axis, north or east, along which the lower bounds are spread the most.
-fn widest_axis(entries: &[Entry]) -> usize {
+/// Sorts entries by their lower bounds along the axis, north or east, along which these are spread the most. Returns the axis.
+fn sort_along_widest_axis<T>(entries: &mut [T], bounds: impl Fn(&T) -> &Bounds) -> usize {
     let spread = |axis: usize| {
-        let low = entries.iter().map(|entry| entry.bounds.low[axis]);
+        let low = entries.iter().map(|entry| bounds(entry).low[axis]);
         let (low, high) = low.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), at| {
             (low.min(at), high.max(at))
         });
         high - low
     };
-    usize::from(spread(1) > spread(0))
+    let along = usize::from(spread(1) > spread(0));
+    entries.sort_by(|a, b| bounds(a).low[along].total_cmp(&bounds(b).low[along]));
+    along
 }
 
 #[cfg(test)]

@@ -6,6 +6,7 @@ use std::time::Duration;
 use super::{FlightPlan, Path, Paths, Phase, PhaseKind, SEARCHED_MAX};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
+use crate::motion::Leg;
 use crate::navigation;
 
 /// Time between two looks at who reaches whom, in seconds: of up to [`SEARCHED_MAX`] drones, and of more.
@@ -81,16 +82,20 @@ impl PlannedFlight<'_> {
 
     /// For how long each drone is out of reach at most; `out_s` is the time before and, on return, at the end of the phase.
     fn longest_s(&self, phase: &Phase, out_s: &mut [f64]) -> Vec<f64> {
-        let times_s = phase.paths.iter().map(|paths| self.paths_s(paths));
+        let flown: Vec<Vec<TimedPath>> =
+            (phase.paths.iter().map(|paths| self.timed(paths))).collect();
+        let times_s = flown
+            .iter()
+            .map(|paths| paths.iter().map(|it| it.time_s).sum());
         let phase_s = times_s.fold(0.0, f64::max);
         let mut longest_s = out_s.to_vec();
         let step_s = STEPS_S[usize::from(out_s.len() > SEARCHED_MAX)].max(phase_s / LOOKS_MAX);
         let mut at_s = 0.0;
         while at_s < phase_s {
             at_s = phase_s.min(at_s + step_s);
-            let places = phase.paths.iter().map(|paths| {
+            let places = phase.paths.iter().zip(&flown).map(|(paths, flown)| {
                 let relays = !is_landed(phase.kind, paths);
-                relays.then(|| self.place(paths, at_s))
+                relays.then(|| place(flown, at_s))
             });
             let reached = self.reached(places);
             let each = out_s.iter_mut().zip(&mut longest_s);
@@ -108,33 +113,18 @@ impl PlannedFlight<'_> {
         longest_s
     }
 
-    /// Time of a path and of the rest at its end, in seconds.
-    fn path_s(&self, path: Path) -> f64 {
-        let duration_s = self.vehicle.profile(path.from, path.to).duration_s();
-        if duration_s > 0.0 {
-            duration_s + self.settle.as_secs_f64()
-        } else {
-            0.0
-        }
-    }
-
-    fn paths_s(&self, paths: &Paths) -> f64 {
-        paths.iter().map(|path| self.path_s(*path)).sum()
-    }
-
-    /// Where a drone is at a time after the start of its paths.
-    fn place(&self, paths: &Paths, at_s: f64) -> Ned {
-        let mut left_s = at_s;
-        for path in paths {
-            let path_s = self.path_s(*path);
-            if left_s < path_s {
-                let flown_m = self.vehicle.profile(path.from, path.to).flown_m(left_s);
-                let length_m = (path.to - path.from).0.norm();
-                return Ned(path.from.0.lerp(&path.to.0, flown_m / length_m));
+    fn timed(&self, paths: &Paths) -> Vec<TimedPath> {
+        let settle_s = self.settle.as_secs_f64();
+        let timed = paths.iter().map(|path| {
+            let leg = self.vehicle.profile(path.from, path.to);
+            let flown_s = leg.duration_s();
+            TimedPath {
+                path: *path,
+                leg,
+                time_s: flown_s + if flown_s > 0.0 { settle_s } else { 0.0 },
             }
-            left_s -= path_s;
-        }
-        paths[paths.len() - 1].to
+        });
+        timed.collect()
     }
 
     /// Whether links connect each drone with the master, over other drones and relays. A drone without a place relays nothing.
@@ -175,6 +165,27 @@ impl PlannedFlight<'_> {
         reached.truncate(self.flight.layout.formation().drones() as usize);
         reached
     }
+}
+
+/// A path, and how it is flown.
+struct TimedPath {
+    path: Path,
+    leg: Leg,
+    /// Time of the path and of the rest at its end, in seconds.
+    time_s: f64,
+}
+
+/// Where a drone is at a time after the start of its paths.
+fn place(paths: &[TimedPath], at_s: f64) -> Ned {
+    let mut left_s = at_s;
+    for TimedPath { path, leg, time_s } in paths {
+        if left_s < *time_s {
+            let share = leg.flown_m(left_s) / (path.to - path.from).0.norm();
+            return Ned(path.from.0.lerp(&path.to.0, share));
+        }
+        left_s -= time_s;
+    }
+    paths[paths.len() - 1].path.to
 }
 
 /// Whether a drone has been on the ground since an earlier wave landed: it relays no longer.

@@ -62,7 +62,8 @@ impl Mission {
         })
     }
 
-    /// Whether a goal leads the drone out of lockstep with the others: to its own altitude.
+    /// Whether a goal leads the drone out of lockstep with the others, to its own altitude. To hold altitudes the navigation goes
+    /// by itself.
     pub(super) fn is_out_of_lockstep(&self, goal: Goal) -> bool {
         match goal {
             Goal::TransitTo { .. } => {

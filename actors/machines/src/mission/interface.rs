@@ -128,7 +128,7 @@ pub enum Event {
     },
     /// As master: does not wait for this member any more.
     LeftOut(NodeId),
-    /// The drone was given its first goal out of lockstep with the others since it started.
+    /// The drone was given its first goal out of lockstep with the others since its mission started, or started again.
     LeftLockstep,
     /// The drone lands, or stays on the ground.
     Landing(LandingReason),

@@ -97,7 +97,7 @@ fn describe(seen: &Observation) -> String {
             format!("flies without drone {drone}")
         }
         Observation::Mission(mission::Event::LeftLockstep) => {
-            "leaves lockstep for its own altitude layer".to_owned()
+            "flies out of lockstep, in its own altitude layer".to_owned()
         }
         Observation::Mission(mission::Event::Landing(reason)) => {
             format!("lands: {reason:?}")

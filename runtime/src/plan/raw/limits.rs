@@ -60,8 +60,8 @@ pub struct Limits {
     #[serde(default)]
     pub restart_window_s: Or<Seconds, 30>,
     /// Accepted exposures: what may bring two drones too near each other. A plan exposed to anything else is refused, except to
-    /// `late` if `safety.avoid` is on and drones don't follow their master. `muster chaos` does
-    /// not end where two drones come too close that are exposed to one of these and have left lockstep as it says.
+    /// `late` if `safety.avoid` is on and drones don't follow their master. `muster chaos` goes on where two drones come too close
+    /// in one of these.
     #[schemars(extend("x-default" = "all but `out-of-reach`; exposures are printed, not refused"))]
     pub accept: Option<Located<Vec<ExposureName>>>,
 }

@@ -227,9 +227,9 @@ impl From<AloneName> for Alone {
 pub enum ExposureName {
     /// A drone is late.
     Late,
-    /// A drone is cut off and flies in its own layer.
+    /// A drone is out of lockstep and flies in its own layer.
     Apart,
-    /// Two drones are cut off, and each flies in its own layer.
+    /// Two drones are out of lockstep, and each flies in its own layer.
     BothApart,
     /// A drone comes down on the spot.
     Descends,

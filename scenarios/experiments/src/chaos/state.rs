@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use muster_machines::formation::Exposure;
+use muster_machines::formation::{Exposure, Layering};
 use muster_machines::identity::NodeId;
 use muster_runtime::diagnostic::{BadInput, read_text};
 use muster_runtime::text::plural;
@@ -68,7 +68,8 @@ impl Tally {
 }
 
 /// The exposures listed in `limits.accept` of two drones that came too close, if that is the violation. Those in which one comes
-/// down count only if one does; `apart` only if one has left lockstep or follows its master, `both-apart` only if both do.
+/// down count only if one does, `both-apart` only if both have left lockstep, and `apart` only if one has and, with a layer for each, the
+/// other has not. Drones that follow their master count as both.
 pub(super) fn accepted_exposures(
     scenario: &Scenario,
     outcome: &Outcome,
@@ -84,11 +85,13 @@ pub(super) fn accepted_exposures(
     let mut exposures = scenario.accepted_exposures(drones);
     let comes_down = drones.iter().any(|it| outcome.came_down(*it));
     let follows = scenario.plan.follow.is_some();
-    let apart = drones.map(|it| follows || outcome.left_lockstep(it));
+    let left = drones.map(|it| follows || outcome.left_lockstep(it));
+    // Drones that share layers change formation in lockstep even so.
+    let may_be_in_lockstep = follows || scenario.plan.layout.layering() == Layering::Shared;
     exposures.retain(|it| match it {
         Exposure::Late => true,
-        Exposure::Apart => apart.contains(&true),
-        Exposure::BothApart => apart == [true; 2],
+        Exposure::Apart => left.contains(&true) && (left.contains(&false) || may_be_in_lockstep),
+        Exposure::BothApart => left == [true; 2],
         Exposure::Descends | Exposure::Killed => comes_down,
     });
     exposures

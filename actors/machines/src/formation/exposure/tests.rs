@@ -65,21 +65,43 @@ fn drone_in_its_own_layer_is_above_a_slope() {
 
 #[test]
 fn drones_alone_on_different_legs_come_near_each_other() {
-    // Two legs along a line of drones 20 m apart, of 14 m each: the second leads past where the next drone began. With a layer
-    // for each it leads through the climb of a drone with a higher one.
+    // Two legs along a line of drones 20 m apart, of 14 m each: the second leads past where the next drone began, through its climb
+    // if that has a higher layer. The way back is on the same lines.
     let along = std::f64::consts::FRAC_PI_2;
-    let waypoints: Vec<Ned> = [0.0, 14.0, 28.0].map(|north_m| at(north_m, 20.0)).into();
-    for layering in [Layering::Shared, Layering::PerDrone] {
+    let there = [0.0, 14.0, 28.0];
+    let [near, back] = [&there[..], &[0.0, 14.0, 28.0, 14.0, 28.0]].map(|norths_m| {
+        let waypoints: Vec<Ned> = norths_m.iter().map(|it| at(*it, 20.0)).collect();
         let layout = Layout::new(formation(Kind::Linear, 5, 20.0, along), 10.0, SEPARATION)
-            .with_layers(layering);
+            .with_layers(Layering::PerDrone);
         let flown = FlightPlan {
             layout: &layout,
             changes: &[],
             waypoints: &waypoints,
         };
         let of: Vec<_> = flown.exposures().collect();
-        assert_eq!(pairs(&of[1], Exposure::BothApart), 0, "{layering:?}");
-        assert_eq!(pairs(&of[2], Exposure::BothApart), 2 * 4, "{layering:?}");
+        let legs = 1..waypoints.len();
+        legs.map(|leg| pairs(&of[leg], Exposure::BothApart))
+            .collect::<Vec<_>>()
+    });
+    assert_eq!(near, [0, 2 * 4]);
+    // A leg that is flown again is exposed again.
+    assert_eq!(back, [0, 2 * 4, 2 * 4, 2 * 4]);
+}
+
+#[test]
+fn drones_that_land_on_the_way_come_near_others_in_a_shared_layer() {
+    // They draw together to land, over the slots of others. With a layer for each, all land below their slots.
+    for (layering, is_exposed) in [(Layering::PerDrone, false), (Layering::Shared, true)] {
+        let drawn = formation(Kind::Random { seed: 1 }, 20, 20.0, 0.0);
+        let layout = Layout::new(drawn, 10.0, SEPARATION).with_layers(layering);
+        let flown = FlightPlan {
+            layout: &layout,
+            changes: &[],
+            waypoints: &[at(0.0, 20.0), at(100.0, 20.0)],
+        };
+        let take_off = flown.exposures().next().unwrap();
+        let is_near = pairs(&take_off, Exposure::BothApart) > 0;
+        assert_eq!(is_near, is_exposed, "{layering:?}");
     }
 }
 

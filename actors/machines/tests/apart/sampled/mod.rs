@@ -24,6 +24,9 @@ const LONGEST_S: f64 = 240.0;
 /// Tolerance of a prediction, for rounding.
 const ROUNDING: f64 = 1e-6;
 
+/// Sampled pairs of drones out of lockstep in a phase.
+const PAIRS: usize = 20;
+
 /// Exposures of one phase.
 type Exposures = Vec<(Exposure, Proximity)>;
 
@@ -98,7 +101,9 @@ pub(crate) fn compare(seed: u64) -> Tally {
         let of = (&phases[..], &exposures[..], index);
         for exposure in Exposure::ALL {
             if exposure == Exposure::BothApart {
-                compared.both_apart(&mut rng, plan, of, id);
+                for _ in 0..PAIRS {
+                    compared.both_apart(&mut rng, plan, of);
+                }
             } else {
                 compared.out_of_lockstep(&mut rng, plan, of, id, exposure);
             }
@@ -198,13 +203,16 @@ impl Comparison {
         rng: &mut ChaCha8Rng,
         plan: FlightPlan<'_>,
         (phases, exposures, index): (&[PhaseSeparation], &[Exposures], usize),
-        id: NodeId,
     ) {
         let drones = plan.layout.formation().drones();
+        let id = NodeId(rng.random_range(0..drones));
         let other = NodeId((id.0 + rng.random_range(1..drones)) % drones);
         let earlier = rng.random_range(0..=index);
         let mut motion = |id: NodeId, phase: usize| {
-            motion::out_of_lockstep(rng, plan, &phases[phase].phase, id, Exposure::BothApart)
+            let phase = &phases[phase].phase;
+            let mut motion = motion::out_of_lockstep(rng, plan, phase, id, Exposure::BothApart);
+            motion.advance(rng.random_range(0.0..=motion.ends_s()));
+            motion
         };
         let motions = [motion(id, index), motion(other, earlier)];
         let nearest = times(&motions).map(|time_s| {
@@ -213,17 +221,14 @@ impl Comparison {
         });
         let nearest = nearest.fold(f64::INFINITY, f64::min);
         self.tally.samples += times(&motions).count();
-        let until_now = exposures[..=index].iter();
-        let until_now: Vec<&Proximity> = until_now
-            .map(|of| &of[Exposure::BothApart as usize].1)
-            .collect();
-        let predicted = until_now.iter().copied().map(predicted);
-        let predicted = predicted.fold(f64::INFINITY, f64::min);
-        let is_conflict = nearest < 1.0 - ROUNDING;
+        if nearest >= 1.0 - ROUNDING {
+            return;
+        }
+        self.tally.both_apart += 1;
+        let (_, nearness) = &exposures[index][Exposure::BothApart as usize];
+        let predicted = predicted(nearness);
         let pair = [id, other];
-        let is_predicted = until_now.iter().any(|it| it.conflicts.contains(&pair));
-        self.tally.both_apart += usize::from(is_conflict);
-        if nearest < predicted - ROUNDING || is_conflict && !is_predicted {
+        if nearest < predicted - ROUNDING || !nearness.conflicts.contains(&pair) {
             let (seed, kind) = (self.seed, phases[index].phase.kind);
             self.tally.violations.push(format!(
                 "seed {seed}, {kind:?}, {pair:?} both apart: {nearest}, predicted {predicted}"

@@ -136,7 +136,13 @@ pub(super) fn out_of_lockstep(
         },
         Exposure::BothApart => {
             let from = slot_near_ground(phase, id).unwrap_or(here);
-            Motion::new(&alone(plan, from, phase, id), Pace::draw(rng))
+            let lands_here = !plan.layout.lands_below_slot() && rng.random_bool(0.3);
+            let corners = if lands_here {
+                landing(plan, phase.end(id), phase, id)
+            } else {
+                alone(plan, from, phase, id)
+            };
+            Motion::new(&corners, Pace::draw(rng))
         }
     }
 }
@@ -176,22 +182,24 @@ pub(super) fn all_alone(
 
 /// Corners of a path in the drone's layer from `from` to the end of a phase.
 fn alone(plan: FlightPlan<'_>, from: Ned, phase: &Phase, id: NodeId) -> Vec<Ned> {
+    if matches!(phase.kind, PhaseKind::Land { .. }) {
+        return landing(plan, from, phase, id);
+    }
+    let altitude_m = plan.altitude_alone_m(id, phase.changes, plan.waypoints[phase.waypoint]);
+    let [up, over] = [from, phase.end(id)].map(|it| it.at_altitude(altitude_m));
+    vec![from, up, over]
+}
+
+/// Corners of a path in the drone's layer from `from` to its landing place around the waypoint of a phase.
+fn landing(plan: FlightPlan<'_>, from: Ned, phase: &Phase, id: NodeId) -> Vec<Ned> {
     let centre = plan.waypoints[phase.waypoint];
     let altitude_m = plan.altitude_alone_m(id, phase.changes, centre);
-    let up = from.at_altitude(altitude_m);
-    if !matches!(phase.kind, PhaseKind::Land { .. }) {
-        return vec![from, up, phase.end(id).at_altitude(altitude_m)];
-    }
     let layout = plan.layout_after(phase.changes);
     let place = if layout.lands_below_slot() {
         layout.slot(id, plan.landing_centre(id, phase.changes, centre))
     } else {
         layout.landing_place(id, centre)
     };
-    vec![
-        from,
-        up,
-        place.at_altitude(altitude_m),
-        place.at_altitude(0.0),
-    ]
+    let [up, over] = [from, place].map(|it| it.at_altitude(altitude_m));
+    vec![from, up, over, place.at_altitude(0.0)]
 }
