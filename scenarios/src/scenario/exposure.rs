@@ -222,18 +222,13 @@ impl Scenario {
     /// What the right of way does about an exposure. Drones that follow a master give way to nobody.
     fn describe_right_of_way(&self, exposure: Exposure) -> &'static str {
         let follows = self.plan.follow.is_some();
-        if self.plan.vehicle.avoid.is_none() {
-            ""
-        } else if exposure.is_resolved_by_right_of_way() {
-            if follows {
-                "; resolved by `safety.avoid` only while none follows its master"
-            } else {
-                "; resolved by `safety.avoid`"
+        match exposure {
+            _ if self.plan.vehicle.avoid.is_none() => "",
+            Exposure::Late | Exposure::Apart | Exposure::BothApart if !follows => {
+                "; resolved by `safety.avoid` only while the two hear each other"
             }
-        } else if matches!(exposure, Exposure::Apart | Exposure::BothApart) && !follows {
-            "; resolved by `safety.avoid` only while the two hear each other"
-        } else {
-            ""
+            Exposure::Late => "; resolved by `safety.avoid` only while none follows its master",
+            _ => "",
         }
     }
 
