@@ -254,14 +254,9 @@ impl<'a> FlightPlan<'a> {
                     let from = phase.paths[id.0 as usize][0].from;
                     let place = landing_places[id.0 as usize];
                     let altitude_m = self.altitude_alone_m(id, phase.changes, centre);
-                    let [above, over] = [from, place].map(|it| it.at_altitude(altitude_m));
-                    let level = Path {
-                        from: above,
-                        to: over,
-                    };
-                    let down = Tube::from(Path::stationary(over)).extended_to(0.0);
+                    let [level, down] = Tube::level_then_down(from, place, altitude_m);
                     let up = stretched(id, Path::stationary(from));
-                    [up, (id, level.into()), (id, down)]
+                    [up, (id, level), (id, down)]
                 };
                 drones.flat_map(land).collect()
             }
@@ -288,7 +283,7 @@ impl<'a> FlightPlan<'a> {
             drones.clone().map(|id| {
                 let over = layout.landing_place(id, *at);
                 let over = over.at_altitude(self.altitude_alone_m(id, phase.changes, *at));
-                (id, Tube::from(Path::stationary(over)).extended_to(0.0))
+                (id, Tube::down_from(over))
             })
         })
         .collect()

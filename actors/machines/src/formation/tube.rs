@@ -38,6 +38,19 @@ impl From<Path> for Tube {
 }
 
 impl Tube {
+    /// Column from a place down to the ground.
+    #[must_use]
+    pub fn down_from(place: Ned) -> Self {
+        Self::from(Path::stationary(place)).extended_to(0.0)
+    }
+
+    /// Level path from above a place to above another, at an altitude in metres above home, and the descent there.
+    #[must_use]
+    pub fn level_then_down(from: Ned, to: Ned, altitude_m: f64) -> [Self; 2] {
+        let [above, over] = [from, to].map(|it| it.at_altitude(altitude_m));
+        [Path::new(above, over).into(), Self::down_from(over)]
+    }
+
     /// The tube extended to an altitude, in metres above home.
     #[must_use]
     pub fn extended_to(self, altitude_m: f64) -> Self {

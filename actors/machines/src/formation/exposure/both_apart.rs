@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::{ClosestApproach, Entry, Proximity, Side, sort_along_widest_axis};
 use crate::formation::phases::{Phase, PhaseKind};
-use crate::formation::{FlightPlan, Path, Tube};
+use crate::formation::{FlightPlan, Tube};
 use crate::geometry::Ned;
 use crate::identity::NodeId;
 
@@ -100,10 +100,8 @@ impl FlightPlan<'_> {
         let drones = (0..layout.formation().drones()).map(NodeId);
         let land = |id: NodeId| {
             let altitude_m = self.altitude_alone_m(id, phase.changes, centre);
-            let [from, to] = [phase.end(id), layout.landing_place(id, centre)]
-                .map(|it| it.at_altitude(altitude_m));
-            let down = Tube::from(Path::stationary(to)).extended_to(0.0);
-            [(id, Path { from, to }.into()), (id, down)]
+            let place = layout.landing_place(id, centre);
+            Tube::level_then_down(phase.end(id), place, altitude_m).map(|tube| (id, tube))
         };
         drones.flat_map(land).collect()
     }
