@@ -91,7 +91,8 @@ impl Mission {
         self.send_goal();
     }
 
-    /// As member: starts a step if the one before is done. Otherwise lands, out of the others' paths.
+    /// As member: starts a step if the one before is done. In its own layer it flies to the waypoint of the change first, even
+    /// if it counts the change as completed. Otherwise lands, out of the others' paths.
     pub(super) fn execute_step(
         &mut self,
         now: Timestamp,
@@ -104,7 +105,8 @@ impl Mission {
             return;
         }
         self.skip_routes_in_layer();
-        if self.durable.progress.changes > change {
+        let has_skipped = self.flies_in_own_layer() && self.is_before(self.waypoint_of(change));
+        if self.durable.progress.changes > change && !has_skipped {
             return self.acknowledge(sequence);
         }
         if let State::ChangingFormation {
@@ -129,6 +131,11 @@ impl Mission {
         } else {
             self.announce_and_descend(LandingReason::Late);
         }
+    }
+
+    /// Whether the drone is at an earlier waypoint, or on a leg to this one at most.
+    fn is_before(&self, waypoint: u16) -> bool {
+        self.destination_waypoint().is_some() && self.last_reached_waypoint() < Some(waypoint)
     }
 
     /// Whether the drone has taken the step before. In its own layer it may start with any step at the waypoint.

@@ -47,7 +47,9 @@ impl Navigation {
                 self.command(FlightCommand::Report);
             }
             _ if self.is_descent_ahead(now, (to, velocity, hold)) => {
-                self.set_progress(Progress::Planning);
+                if away.is_none() {
+                    self.set_progress(Progress::Planning);
+                }
                 self.command(FlightCommand::Report);
             }
             _ => {

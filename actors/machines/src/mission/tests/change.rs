@@ -230,6 +230,36 @@ fn member_in_own_layer_that_missed_a_step_catches_up() {
 }
 
 #[test]
+fn member_that_skips_a_change_acknowledges_its_steps_only_at_the_waypoint() {
+    let mut member = member_in_slot_of(config_in_layers(1));
+    // One master is beyond the change and orders the leg after it. Another, which still changes formation, takes over.
+    deliver(&mut member, 4, &move_apart(2));
+    let moves = State::MovingToWaypoint { waypoint: 1 };
+    assert_eq!(member.durable.state, moves);
+    let better = Ballot {
+        term: 2,
+        ..INITIAL_BALLOT
+    };
+    let order = RoutingNotice::Order {
+        ballot: better,
+        sequence: 1,
+        order: wire::encode_order(&step_order(Step::Cross)).into(),
+    };
+    let acknowledged = Transmit::Acknowledge {
+        ballot: better,
+        sequence: 1,
+    };
+    let transmits = notify(&mut member, 31.0, order.clone());
+    assert!(!transmits.contains(&acknowledged), "{transmits:?}");
+    let transmits = arrive(&mut member, 40.0);
+    let reached = State::WaypointReached { waypoint: 1 };
+    assert_eq!(member.durable.state, reached);
+    assert!(!transmits.contains(&acknowledged));
+    assert!(transmits.contains(&Transmit::Resync), "{transmits:?}");
+    assert!(notify(&mut member, 41.0, order).contains(&acknowledged));
+}
+
+#[test]
 fn member_ordered_to_land_during_a_step_completes_it_first() {
     let mut member = member_in_slot();
     deliver(&mut member, 4, &step_order(Step::Climb));
