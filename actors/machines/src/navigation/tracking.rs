@@ -78,7 +78,8 @@ impl Navigation {
         }
     }
 
-    /// Leaves a tracked place that is not known any more, or that another drone may come down ahead of: comes to rest, and climbs or descends to the hold altitude.
+    /// Leaves a tracked place that is not known any more, or ahead of which another drone may come down: comes to rest, and climbs
+    /// or descends to the hold altitude.
     pub(super) fn leave_track(&mut self, now: Timestamp, telemetry: &Telemetry) {
         let altitude_m = self.hold_altitude_m(now, telemetry);
         self.hold(now, telemetry, altitude_m);

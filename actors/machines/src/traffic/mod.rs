@@ -254,7 +254,8 @@ impl Traffic {
         })
     }
 
-    /// Whether another drone may come down on a path ahead of its start: it lands, is silent, or stands and may not hear this one.
+    /// Whether another drone may come down on a path, ahead of its start: it lands, is silent, or stands and may not hear this
+    /// one.
     pub(crate) fn is_descent_ahead(&self, now: Timestamp, path: Path) -> bool {
         if self.deaf.is_empty() && self.all_stay_up(now) {
             return false;
