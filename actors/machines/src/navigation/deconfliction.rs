@@ -219,14 +219,6 @@ impl Deconfliction {
         self.send_intent(!was_tracking || begins_to_join, outbox);
     }
 
-    /// Whether another drone may come down on the way to `to`.
-    pub(super) fn is_descent_ahead(&self, now: Timestamp, to: Ned) -> bool {
-        let (Some(traffic), Some(announced)) = (&self.traffic, self.announced) else {
-            return false;
-        };
-        traffic.is_descent_ahead(now, Path::new(announced.place(), to))
-    }
-
     /// Announces the rest of the path to a tracked place; `place` is where the drone is.
     pub(super) fn announce_joining(
         &mut self,

@@ -4,7 +4,6 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use super::{Goal, Navigation, Progress};
-use crate::formation::Path;
 use crate::geometry::{Ned, Velocity};
 use crate::msp::{FlightCommand, Setpoint, Telemetry};
 use crate::time::Timestamp;
@@ -32,24 +31,18 @@ impl Navigation {
         goal: Goal,
         (to, velocity, hold): (Ned, Velocity, Duration),
     ) {
-        let away = self.away();
+        let returns_at_m = self.returns_at_m();
         self.durable.goal = Some(goal);
         self.track_expires_at = Some(now + hold * TRACK_EXPIRY_HOLDS);
         let hold_altitude_m = goal.hold_altitude_m().unwrap_or(to.altitude_m());
-        match away {
-            Some(away) if !are_level(hold_altitude_m, to.altitude_m()) => {
-                let progress = if are_level(away.altitude_m(), hold_altitude_m) {
+        match returns_at_m {
+            Some(at_m) if !are_level(hold_altitude_m, to.altitude_m()) => {
+                let progress = if are_level(at_m, hold_altitude_m) {
                     self.durable.progress.clone()
                 } else {
                     Progress::Planning
                 };
                 self.set_progress(progress);
-                self.command(FlightCommand::Report);
-            }
-            _ if self.is_descent_ahead(now, (to, velocity, hold)) => {
-                if away.is_none() {
-                    self.set_progress(Progress::Planning);
-                }
                 self.command(FlightCommand::Report);
             }
             _ => {
@@ -59,27 +52,17 @@ impl Navigation {
         }
     }
 
-    /// Whether another drone may come down ahead of a tracked place, where this one would be before it could come to rest.
-    fn is_descent_ahead(
-        &self,
-        now: Timestamp,
-        (to, velocity, hold): (Ned, Velocity, Duration),
-    ) -> bool {
-        let braking_s = velocity.0.norm() / (2.0 * self.config.acceleration_mps2);
-        let ahead = velocity.0 * (hold.as_secs_f64() + braking_s);
-        (self.deconfliction).is_descent_ahead(now, Ned(to.0 + ahead))
-    }
-
-    /// Where a drone that has left a tracked place holds, and at whose altitude it returns. `None` if it has not.
-    fn away(&self) -> Option<Ned> {
+    /// Altitude in metres above home at which a drone that has left a tracked place returns there. `None` if it has not.
+    fn returns_at_m(&self) -> Option<f64> {
         match (self.durable.goal, &self.durable.progress) {
-            (Some(Goal::Track { .. }), Progress::Flying(corners)) => corners.front().copied(),
+            (Some(Goal::Track { .. }), Progress::Flying(corners)) => {
+                corners.front().map(|corner| corner.altitude_m())
+            }
             _ => None,
         }
     }
 
-    /// Leaves a tracked place that is not known any more, or ahead of which another drone may come down: comes to rest, and climbs
-    /// or descends to the hold altitude.
+    /// Leaves a tracked place that is not known any more: comes to rest, and climbs or descends to the hold altitude.
     pub(super) fn leave_track(&mut self, now: Timestamp, telemetry: &Telemetry) {
         let altitude_m = self.hold_altitude_m(now, telemetry);
         self.hold(now, telemetry, altitude_m);
@@ -88,58 +71,31 @@ impl Navigation {
         self.set_progress(Progress::Flying([away].into()));
     }
 
-    /// Returns to a tracked place that it has left, and reports the way there.
+    /// Reports the way to a tracked place. A drone that has left it waits until it rests at its hold altitude, and flies level from
+    /// there until it is above or below its place.
     pub(super) fn monitor_track(&mut self, now: Timestamp, telemetry: &Telemetry) {
-        if let Some(away) = self.away() {
-            let rests_away =
-                telemetry.at_rest && are_level(telemetry.position.altitude_m(), away.altitude_m());
-            if rests_away {
-                self.returns = true;
-                self.announce(now, Some(Path::stationary(away)), false);
-            } else if !self.returns {
-                self.announce_progress(now, telemetry);
-            }
-            if let Some(Goal::Track {
+        let place = telemetry.position;
+        if let Some(altitude_m) = self.returns_at_m()
+            && let Some(Goal::Track {
                 to, velocity, hold, ..
             }) = self.durable.goal
-                && self.track_expires_at.is_some()
-            {
-                self.return_to_track(now, (to, velocity, hold), (away, rests_away), telemetry);
-            }
-        }
-        (self.deconfliction).announce_joining(now, telemetry.position, &mut self.outbox);
-    }
-
-    /// Waits until it rests at its hold altitude, and flies level from there until it is above or below its place. It waits, too,
-    /// while another drone may come down ahead.
-    fn return_to_track(
-        &mut self,
-        now: Timestamp,
-        (to, velocity, hold): (Ned, Velocity, Duration),
-        (away, rests_away): (Ned, bool),
-        telemetry: &Telemetry,
-    ) {
-        let place = telemetry.position;
-        let is_there = place.horizontal_distance_m(to) < ABOVE_M
-            || are_level(place.altitude_m(), to.altitude_m());
-        let back = if is_there {
-            (to, velocity, hold)
-        } else {
-            let level = Velocity::new(velocity.0.x, velocity.0.y, 0.0);
-            (to.at_altitude(away.altitude_m()), level, hold)
-        };
-        if (is_there || self.returns) && !self.is_descent_ahead(now, back) {
+            && self.track_expires_at.is_some()
+        {
+            let is_there = place.horizontal_distance_m(to) < ABOVE_M
+                || are_level(place.altitude_m(), to.altitude_m());
+            let rests_at_altitude = telemetry.at_rest && are_level(place.altitude_m(), altitude_m);
+            self.returns |= rests_at_altitude;
             if is_there {
                 self.set_progress(Progress::Flying(VecDeque::new()));
+                self.fly_along(now, (to, velocity, hold));
+            } else if self.returns {
+                let level = Velocity::new(velocity.0.x, velocity.0.y, 0.0);
+                self.fly_along(now, (to.at_altitude(altitude_m), level, hold));
+            } else if telemetry.at_rest {
+                self.hold(now, telemetry, altitude_m);
             }
-            self.fly_along(now, back);
-        } else if !telemetry.at_rest {
-            if self.returns {
-                self.leave_track(now, telemetry);
-            }
-        } else if !rests_away {
-            self.hold(now, telemetry, away.altitude_m());
         }
+        (self.deconfliction).announce_joining(now, place, &mut self.outbox);
     }
 
     fn fly_along(&mut self, now: Timestamp, (to, velocity, hold): (Ned, Velocity, Duration)) {

@@ -246,31 +246,15 @@ impl Traffic {
 
     /// Whether another drone may come down on one that is here. On the ground none does.
     pub(crate) fn is_below_another(&self, now: Timestamp, here: Ned) -> bool {
-        if self.all_stay_up(now) || here.altitude_m() < GROUND_ALTITUDE_M {
+        // One that is heard and doesn't land stays up. That is nearly always so, and this is asked with each telemetry.
+        let mut others = self.others.values();
+        let all_stay_up = others.all(|it| !it.lands && !self.is_silent(now, it.at));
+        if all_stay_up || here.altitude_m() < GROUND_ALTITUDE_M {
             return false;
         }
         self.occupied(now, here).any(|(id, space)| {
             self.comes_down(id, &space) && self.is_near(&space, Path::stationary(here))
         })
-    }
-
-    /// Whether another drone may come down on a path, ahead of its start: it lands, is silent, or stands and may not hear this
-    /// one.
-    pub(crate) fn is_descent_ahead(&self, now: Timestamp, path: Path) -> bool {
-        if self.deaf.is_empty() && self.all_stay_up(now) {
-            return false;
-        }
-        self.blocking(now, path, path).any(|(id, space)| {
-            let other = &self.others[&id];
-            let is_heard_to_follow = self.deaf.contains(id) && other.intent.is_following();
-            self.comes_down(id, &space) || space.may_descend && !is_heard_to_follow
-        })
-    }
-
-    /// Whether all others are heard and none lands. That is nearly always so, and cheap to tell.
-    fn all_stay_up(&self, now: Timestamp) -> bool {
-        let mut others = self.others.values();
-        others.all(|it| !it.lands && !self.is_silent(now, it.at))
     }
 
     /// Whether a drone lands, or is silent and its aircraft may.
@@ -355,8 +339,7 @@ impl Traffic {
                 };
                 let is_in_lockstep = self.in_lockstep_since.is_some()
                     && self.config.has_followers
-                    && other.intent.is_following()
-                    && !self.is_silent(now, other.at);
+                    && other.intent.is_following();
                 let is_near_here = match space.precedence {
                     Precedence::Priority if climbs_into(remaining, other) => false,
                     Precedence::Leg => space.is_near(here, self.separation_plus(-ROUNDING_M)),

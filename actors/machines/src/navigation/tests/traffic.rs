@@ -1,6 +1,5 @@
 //! Deconfliction with other drones.
 
-mod following;
 mod landing;
 mod room;
 
@@ -20,15 +19,6 @@ fn avoiding() -> Navigation {
 
 /// Drone 4, with deconfliction, a fence, and what a navigation before it kept.
 fn avoiding_within(fence: Option<Fence>, checkpoint: Option<Checkpoint>) -> Navigation {
-    avoiding_others(false, fence, checkpoint)
-}
-
-/// The same; `has_followers` is whether drones follow a master.
-fn avoiding_others(
-    has_followers: bool,
-    fence: Option<Fence>,
-    checkpoint: Option<Checkpoint>,
-) -> Navigation {
     let separation = Separation {
         horizontal_m: 5.0,
         vertical_m: 5.0,
@@ -41,7 +31,7 @@ fn avoiding_others(
         touch_down_margin: Duration::from_secs(10),
         speed_mps: 20.0,
         climb_mps: 3.0,
-        has_followers,
+        has_followers: false,
         landing_places: None,
     };
     let config = Config {
