@@ -107,7 +107,7 @@ impl Mission {
         self.skip_routes_in_layer();
         let has_skipped = self.flies_in_own_layer() && self.is_before(self.waypoint_of(change));
         if self.durable.progress.changes > change && !has_skipped {
-            return self.acknowledge(sequence);
+            return self.acknowledge_at_waypoint(sequence);
         }
         if let State::ChangingFormation {
             change: current,

@@ -126,11 +126,20 @@ impl Mission {
             self.enter(State::WaypointReached { waypoint: 0 });
         }
         self.durable.progress.opened = self.durable.progress.opened.max(Some(waypoint));
-        if self.last_reached_waypoint() >= Some(waypoint) && !self.climbs_at_waypoint() {
+        if self.last_reached_waypoint() >= Some(waypoint) {
             // An elected master may be behind this drone, whose leg stays pending.
-            self.acknowledge(sequence);
+            self.acknowledge_at_waypoint(sequence);
         } else {
             self.durable.orders.pending = Some(sequence);
+        }
+    }
+
+    /// Acknowledges an order that is done already. A drone that climbs into its layer does so once it is there.
+    pub(super) fn acknowledge_at_waypoint(&mut self, sequence: u32) {
+        if self.climbs_at_waypoint() {
+            self.durable.orders.pending = Some(sequence);
+        } else {
+            self.acknowledge(sequence);
         }
     }
 

@@ -229,6 +229,21 @@ fn member_in_own_layer_that_missed_a_step_catches_up() {
     assert!(arrive(&mut member, 40.0).contains(&acknowledgement(4)));
 }
 
+/// A step by another master than the one whose orders 1 to 4 were executed, and its acknowledgement.
+fn step_of_better_master() -> (RoutingNotice, Transmit) {
+    let (sequence, step) = (1, step_order(Step::Cross));
+    let ballot = Ballot {
+        term: 2,
+        ..INITIAL_BALLOT
+    };
+    let order = RoutingNotice::Order {
+        ballot,
+        sequence,
+        order: wire::encode_order(&step).into(),
+    };
+    (order, Transmit::Acknowledge { ballot, sequence })
+}
+
 #[test]
 fn member_that_skips_a_change_acknowledges_its_steps_only_at_the_waypoint() {
     let mut member = member_in_slot_of(config_in_layers(1));
@@ -236,19 +251,7 @@ fn member_that_skips_a_change_acknowledges_its_steps_only_at_the_waypoint() {
     deliver(&mut member, 4, &move_apart(2));
     let moves = State::MovingToWaypoint { waypoint: 1 };
     assert_eq!(member.durable.state, moves);
-    let better = Ballot {
-        term: 2,
-        ..INITIAL_BALLOT
-    };
-    let order = RoutingNotice::Order {
-        ballot: better,
-        sequence: 1,
-        order: wire::encode_order(&step_order(Step::Cross)).into(),
-    };
-    let acknowledged = Transmit::Acknowledge {
-        ballot: better,
-        sequence: 1,
-    };
+    let (order, acknowledged) = step_of_better_master();
     let transmits = notify(&mut member, 31.0, order.clone());
     assert!(!transmits.contains(&acknowledged), "{transmits:?}");
     let transmits = arrive(&mut member, 40.0);
@@ -257,6 +260,24 @@ fn member_that_skips_a_change_acknowledges_its_steps_only_at_the_waypoint() {
     assert!(!transmits.contains(&acknowledged));
     assert!(transmits.contains(&Transmit::Resync), "{transmits:?}");
     assert!(notify(&mut member, 41.0, order).contains(&acknowledged));
+}
+
+#[test]
+fn member_that_skips_a_change_and_climbs_at_its_waypoint_acknowledges_the_steps_in_its_layer() {
+    let mut member = member_in_slot_of(config_in_layers(1));
+    deliver(&mut member, 4, &open_waypoint(1));
+    deliver(&mut member, 5, &move_apart(2));
+    let (order, acknowledged) = step_of_better_master();
+    let mut transmits = notify(&mut member, 31.0, order.clone());
+    let leg = member.given_goal.unwrap();
+    assert!(matches!(leg, Goal::FlyTo { .. }), "in lockstep to its end");
+    let arrived = Input::Navigation(NavigationNotice::Arrived(leg));
+    transmits.extend(send(&mut member, 40.0, arrived));
+    assert!(transmits.contains(&Transmit::Resync), "{transmits:?}");
+    assert!(matches!(goal(&transmits), Some(Goal::TransitTo { .. })));
+    transmits.extend(notify(&mut member, 41.0, order));
+    assert!(!transmits.contains(&acknowledged), "{transmits:?}");
+    assert!(arrive(&mut member, 44.0).contains(&acknowledged));
 }
 
 #[test]
