@@ -38,9 +38,9 @@ struct Attached {
     series: ControlSeries,
 }
 
-/// All controllers, by the numbers of their drones. Empty without any.
+/// All controllers, by the numbers of their drones.
 #[derive(Debug, Default)]
-pub struct Controllers(Vec<Option<Attached>>);
+pub struct Controllers(Vec<Option<Box<Attached>>>);
 
 impl Controllers {
     /// The next drones are those of a scenario. `sensors` and `lines` draw the seeds of their sensors and of their lines' faults.
@@ -59,7 +59,7 @@ impl Controllers {
                 let seed = sensors.next_u64();
                 let pose = plan.pose.map(pose_errors);
                 let flow = plan.flow.map(flow_errors);
-                Attached {
+                Box::new(Attached {
                     faulty: FaultyController::new(
                         Controller::new(config, seed, Timestamp::ZERO),
                         lines.next_u64(),
@@ -71,7 +71,7 @@ impl Controllers {
                     looked_at: None,
                     wreck: Wrecks::default(),
                     series: ControlSeries::default(),
-                }
+                })
             }));
         }
     }
@@ -87,18 +87,18 @@ impl Controllers {
     }
 
     fn get(&mut self, drone: NodeId) -> Option<&mut Attached> {
-        self.0.get_mut(drone.0 as usize)?.as_mut()
+        self.0.get_mut(drone.0 as usize)?.as_deref_mut()
     }
 
     /// Whether a drone's controller is frozen.
     pub(super) fn is_frozen(&self, now: Timestamp, drone: NodeId) -> bool {
-        let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
+        let attached = self.0.get(drone.0 as usize).and_then(Option::as_deref);
         attached.is_some_and(|it| it.faulty.is_frozen(now))
     }
 
     /// Whether a drone hears nothing from its controller, which is frozen or behind a closed port.
     pub(super) fn is_silent(&self, now: Timestamp, drone: NodeId) -> bool {
-        let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
+        let attached = self.0.get(drone.0 as usize).and_then(Option::as_deref);
         attached.is_some_and(|it| it.faulty.is_frozen(now) || it.faulty.is_closed(now))
     }
 
@@ -122,7 +122,7 @@ impl Controllers {
         now: Timestamp,
         drone: NodeId,
     ) -> impl Iterator<Item = PortEvent> + use<> {
-        let attached = self.0.get(drone.0 as usize).and_then(Option::as_ref);
+        let attached = self.0.get(drone.0 as usize).and_then(Option::as_deref);
         let events = attached.map(|it| it.port.introduction(now));
         events.into_iter().flatten()
     }
@@ -215,14 +215,14 @@ impl Controllers {
 
     /// How a drone was flown; `None` without a controller.
     pub(super) fn series(&self, drone: NodeId) -> Option<ControlSeries> {
-        let attached = self.0.get(drone.0 as usize)?.as_ref()?;
+        let attached = self.0.get(drone.0 as usize)?.as_deref()?;
         Some(attached.series.clone())
     }
 
     /// Whether a drone's controller has waited for RC for too long or was armed too early, or its aircraft has broken or lost its
     /// motors in the air.
     pub(crate) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
-        let attached = self.0.get(drone.0 as usize)?.as_ref()?;
+        let attached = self.0.get(drone.0 as usize)?.as_deref()?;
         let port = attached.port.check(now, drone);
         port.or_else(|| attached.wreck.check(now, drone))
     }
@@ -235,7 +235,7 @@ impl Controllers {
 
     /// What the port of a drone's flight controller has counted; `None` without one.
     pub(super) fn figures(&self, drone: NodeId) -> Option<PortFigures> {
-        let attached = self.0.get(drone.0 as usize)?.as_ref()?;
+        let attached = self.0.get(drone.0 as usize)?.as_deref()?;
         Some(attached.port.figures())
     }
 }
