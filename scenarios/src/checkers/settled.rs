@@ -11,11 +11,12 @@ use crate::segments::{Segment, Segments};
 /// settling time. The rule does not apply while a grey link decides who is connected, nor over more hops than policy `flood`
 /// carries a heartbeat ([`Settling::hops_max`]).
 ///
-/// The settling time starts again when a direction of a link of the segment changes, a delay of its frames begins or ends, or
-/// when a member fails, hangs, takes off, begins or ends a change of formation, goes to land or falls silent. Only drones in the
-/// air that fly the mission need a master; those on the ground or going to land relay frames. The master must be a member of
-/// the segment and follow itself. Where a swarm does not elect, drones without a master must be landing by then. A false
-/// election breaks the rule even if all agree again a moment later.
+/// The settling time starts again when a direction of a link of the segment changes, a delay of its frames begins or ends,
+/// a frame arrives from another segment over a link that came and went between two looks, or when a member fails, hangs,
+/// takes off, begins or ends a change of formation, goes to land or falls silent. Only drones in the air that fly the
+/// mission need a master; those on the ground or going to land relay frames. The master must be a member of the segment and
+/// follow itself. Where a swarm does not elect, drones without a master must be landing by then. A false election breaks
+/// the rule even if all agree again a moment later.
 #[derive(Debug)]
 pub(crate) struct SettledChecker {
     settling: Settling,

@@ -332,10 +332,13 @@ impl World {
 
     /// Sends a message from one of a drone's actors to another.
     fn post(&mut self, drone: NodeId, envelope: Envelope) {
-        if let Envelope::Routing(routing::Input::Received { .. }) = envelope {
+        if let Envelope::Routing(routing::Input::Received { sender, .. }) = &envelope {
             // Its radio has admitted a frame.
             let now = self.scene.core.now();
-            self.scene.core.recorder(drone).received(drone);
+            let swarm = self.scene.core.swarms.of_mut(drone);
+            let sender = swarm.number(*sender);
+            swarm.recorder.received(drone);
+            swarm.segments.heard(now, sender, drone);
             self.scene.core.checkers.admits(now, drone);
             self.scene.air.admitted(&self.scene.core.swarms, drone);
         }
