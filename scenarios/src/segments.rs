@@ -167,8 +167,8 @@ impl Segments {
     ) -> bool {
         let before = self.history.partition_point(|it| now.since(it.0) >= ago);
         let together = |(_, segment_of): &(Timestamp, Vec<Option<usize>>)| {
-            let segment = |id: NodeId| segment_of.get(id.0 as usize).copied().flatten();
-            segment(a).is_some() && segment(a) == segment(b)
+            let segment = index(segment_of, a);
+            segment.is_some() && segment == index(segment_of, b)
         };
         let mut since = self.history.iter().skip(before.saturating_sub(1));
         since.all(together)
@@ -176,8 +176,7 @@ impl Segments {
 
     /// A node was heard by another. If the last look found no link between their segments, one has come and perhaps gone since.
     pub(crate) fn heard(&mut self, now: Timestamp, from: NodeId, by: NodeId) {
-        let segment = |id: NodeId| self.segment_of.get(id.0 as usize).copied().flatten();
-        let (Some(a), Some(b)) = (segment(from), segment(by)) else {
+        let [Some(a), Some(b)] = [from, by].map(|id| index(&self.segment_of, id)) else {
             return;
         };
         let ends = (from.min(by), from.max(by));
@@ -253,7 +252,7 @@ impl Segments {
 
     /// The members of a node's segment, itself included.
     pub(crate) fn segment_of(&self, id: NodeId) -> BTreeSet<NodeId> {
-        let segment = self.segment_of.get(id.0 as usize).copied().flatten();
+        let segment = index(&self.segment_of, id);
         let members = segment.map_or(&[][..], |segment| &self.segments[segment].members);
         members.iter().copied().chain([id]).collect()
     }
@@ -289,6 +288,11 @@ impl Segments {
         let hops = segment.members.iter().map(|id| farthest(&neighbours, *id));
         hops.max().unwrap_or(0)
     }
+}
+
+/// The index of a node's segment. `None` if it relays no frames.
+fn index(segment_of: &[Option<usize>], id: NodeId) -> Option<usize> {
+    segment_of.get(id.0 as usize).copied().flatten()
 }
 
 /// The most hops from a node to any other.

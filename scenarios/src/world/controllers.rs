@@ -83,7 +83,11 @@ impl Controllers {
     }
 
     pub(super) fn has(&self, drone: NodeId) -> bool {
-        self.0.get(drone.0 as usize).is_some_and(Option::is_some)
+        self.of(drone).is_some()
+    }
+
+    fn of(&self, drone: NodeId) -> Option<&Attached> {
+        self.0.get(drone.0 as usize)?.as_deref()
     }
 
     fn get(&mut self, drone: NodeId) -> Option<&mut Attached> {
@@ -92,13 +96,13 @@ impl Controllers {
 
     /// Whether a drone's controller is frozen.
     pub(super) fn is_frozen(&self, now: Timestamp, drone: NodeId) -> bool {
-        let attached = self.0.get(drone.0 as usize).and_then(Option::as_deref);
+        let attached = self.of(drone);
         attached.is_some_and(|it| it.faulty.is_frozen(now))
     }
 
     /// Whether a drone hears nothing from its controller, which is frozen or behind a closed port.
     pub(super) fn is_silent(&self, now: Timestamp, drone: NodeId) -> bool {
-        let attached = self.0.get(drone.0 as usize).and_then(Option::as_deref);
+        let attached = self.of(drone);
         attached.is_some_and(|it| it.faulty.is_frozen(now) || it.faulty.is_closed(now))
     }
 
@@ -122,7 +126,7 @@ impl Controllers {
         now: Timestamp,
         drone: NodeId,
     ) -> impl Iterator<Item = PortEvent> + use<> {
-        let attached = self.0.get(drone.0 as usize).and_then(Option::as_deref);
+        let attached = self.of(drone);
         let events = attached.map(|it| it.port.introduction(now));
         events.into_iter().flatten()
     }
@@ -215,14 +219,14 @@ impl Controllers {
 
     /// How a drone was flown; `None` without a controller.
     pub(super) fn series(&self, drone: NodeId) -> Option<ControlSeries> {
-        let attached = self.0.get(drone.0 as usize)?.as_deref()?;
+        let attached = self.of(drone)?;
         Some(attached.series.clone())
     }
 
     /// Whether a drone's controller has waited for RC for too long or was armed too early, or its aircraft has broken or lost its
     /// motors in the air.
     pub(crate) fn check(&self, now: Timestamp, drone: NodeId) -> Option<Violation> {
-        let attached = self.0.get(drone.0 as usize)?.as_deref()?;
+        let attached = self.of(drone)?;
         let port = attached.port.check(now, drone);
         port.or_else(|| attached.wreck.check(now, drone))
     }
@@ -235,7 +239,7 @@ impl Controllers {
 
     /// What the port of a drone's flight controller has counted; `None` without one.
     pub(super) fn figures(&self, drone: NodeId) -> Option<PortFigures> {
-        let attached = self.0.get(drone.0 as usize)?.as_deref()?;
+        let attached = self.of(drone)?;
         Some(attached.port.figures())
     }
 }

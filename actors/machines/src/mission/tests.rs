@@ -132,6 +132,13 @@ fn arrive(mission: &mut Mission, at_s: f64) -> Vec<Transmit> {
     send(mission, at_s, Input::Navigation(arrived))
 }
 
+/// The drone ends the leg that it flies, though its mission may have another goal for it by now.
+fn arrive_at_end_of_leg(mission: &mut Mission, at_s: f64) -> Vec<Transmit> {
+    let leg = mission.given_goal.unwrap();
+    let arrived = NavigationNotice::Arrived(leg);
+    send(mission, at_s, Input::Navigation(arrived))
+}
+
 fn progress(member: u32, acknowledged: u32) -> RoutingNotice {
     RoutingNotice::Progress {
         sequence: acknowledged,

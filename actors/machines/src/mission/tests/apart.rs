@@ -66,9 +66,7 @@ fn member_acknowledges_that_it_has_climbed_once_it_is_in_its_layer() {
     let mut on_leg = member_on_first_leg();
     let transmits = deliver(&mut on_leg, 5, &move_apart(1));
     assert_eq!(goal(&transmits), None, "in lockstep to the end of the leg");
-    let leg = on_leg.given_goal.unwrap();
-    let arrived = Input::Navigation(NavigationNotice::Arrived(leg));
-    let transmits = send(&mut on_leg, 60.0, arrived);
+    let transmits = arrive_at_end_of_leg(&mut on_leg, 60.0);
     assert!(height_above_slot_m(&on_leg, goal(&transmits).unwrap()) > 5.0);
     assert!(!transmits.contains(&acknowledgement(5)));
     assert!(arrive(&mut on_leg, 64.0).contains(&acknowledgement(5)));

@@ -269,10 +269,11 @@ fn member_that_skips_a_change_and_climbs_at_its_waypoint_acknowledges_the_steps_
     deliver(&mut member, 5, &move_apart(2));
     let (order, acknowledged) = step_of_better_master();
     let mut transmits = notify(&mut member, 31.0, order.clone());
-    let leg = member.given_goal.unwrap();
-    assert!(matches!(leg, Goal::FlyTo { .. }), "in lockstep to its end");
-    let arrived = Input::Navigation(NavigationNotice::Arrived(leg));
-    transmits.extend(send(&mut member, 40.0, arrived));
+    assert!(
+        matches!(member.given_goal, Some(Goal::FlyTo { .. })),
+        "in lockstep to its end"
+    );
+    transmits.extend(arrive_at_end_of_leg(&mut member, 40.0));
     assert!(transmits.contains(&Transmit::Resync), "{transmits:?}");
     assert!(matches!(goal(&transmits), Some(Goal::TransitTo { .. })));
     transmits.extend(notify(&mut member, 41.0, order));
