@@ -37,7 +37,7 @@ impl Volume {
 }
 
 /// The most lines that wait to be written; some hundred bytes each.
-const WAITING_MAX: usize = 4_096;
+const WAITING_MAX: usize = 1_024;
 
 /// Counts lines that were dropped because the queue was full.
 #[derive(Debug, Clone)]

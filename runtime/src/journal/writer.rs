@@ -11,7 +11,7 @@ use thiserror::Error;
 use super::{Journal, Storage};
 
 /// The most checkpoints that wait for the disk.
-pub const WAITING_MAX: usize = 4_096;
+pub const WAITING_MAX: usize = 1_024;
 
 /// Pause after a failed write, unless a checkpoint comes sooner.
 const RETRY_AFTER: Duration = Duration::from_secs(1);
